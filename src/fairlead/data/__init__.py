@@ -1,0 +1,1 @@
+"""Collection, the store on disk, splits."""

@@ -1,0 +1,1 @@
+"""One trial - plan, execute, watch, plan again or recover - and its trace."""

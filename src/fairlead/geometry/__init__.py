@@ -1,0 +1,1 @@
+"""Shapes, fields, frames, distances, goals and random motions, in numpy alone."""

@@ -1,0 +1,1 @@
+"""Dynamics, trust, recovery, and the one loop that trains them. The only package that imports torch."""

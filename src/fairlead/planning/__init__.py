@@ -1,0 +1,1 @@
+"""Kinodynamic planning through the roles."""

@@ -1,0 +1,1 @@
+"""Tables, figures, page and videos, from evaluation files only."""

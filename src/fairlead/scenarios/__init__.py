@@ -1,0 +1,1 @@
+"""The simulated worlds. The only package that imports MuJoCo."""
