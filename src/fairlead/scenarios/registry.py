@@ -1,0 +1,18 @@
+"""The table of scenarios. A new one is one file and one row here, or an entry point in `fairlead.scenarios`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from fairlead.core.errors import UnknownNameError
+from fairlead.scenarios.dragging import Dragging
+from fairlead.scenarios.scenario import Scenario
+
+SCENARIOS: dict[str, Callable[[], Scenario]] = {"dragging": Dragging}
+
+
+def scenario(name: str) -> Scenario:
+    """The scenario of that name; UnknownNameError otherwise."""
+    if name not in SCENARIOS:
+        raise UnknownNameError("scenario", name, SCENARIOS)
+    return SCENARIOS[name]()

@@ -1,0 +1,69 @@
+"""What a scenario is: a state layout, random actions, environments, starts, goals, and worlds to act in."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from fairlead.core.layout import StateLayout
+from fairlead.core.roles import Environment, Goal
+from fairlead.geometry.motion import RandomDisplacement
+from fairlead.geometry.shapes import Obstacle
+from fairlead.scenarios.scene_files import Scene, SceneSet, read_scenes
+from fairlead.scenarios.simulate import SimulatedWorld
+
+
+class Scenario(ABC):
+    """One scenario of the paper, or a user's own. The rest of the package sees it through this alone."""
+
+    name: str
+    layout: StateLayout
+    sampler: RandomDisplacement
+    rope_radius: float
+    link_length: float
+
+    @abstractmethod
+    def environment(self, obstacles: Sequence[Obstacle]) -> Environment:
+        """The obstacles, with what is fixed in this scenario (walls, table), as a field."""
+
+    @abstractmethod
+    def goal(self, scene: Scene) -> Goal:
+        """The goal of a scene; FairleadError where its target has no meaning here."""
+
+    @abstractmethod
+    def simulate(
+        self,
+        obstacles: Sequence[Sequence[Obstacle]],
+        states: Float[np.ndarray, "batch state"],
+        threads: int = 1,
+    ) -> SimulatedWorld:
+        """One simulation for each row: obstacles placed, the rope laid at the given points and settled."""
+
+    @abstractmethod
+    def random_start(self, rng: np.random.Generator) -> Float[np.ndarray, " state"]:
+        """A start without obstacles."""
+
+    @abstractmethod
+    def random_obstacles(
+        self, state: Float[np.ndarray, " state"], rng: np.random.Generator
+    ) -> tuple[Obstacle, ...]:
+        """Obstacles at random places that leave the rope in `state` free."""
+
+    @abstractmethod
+    def random_scene(self, rng: np.random.Generator, name: str) -> Scene:
+        """A scene like the paper's test scenes: obstacles, a start and a goal."""
+
+    @abstractmethod
+    def validate(self, scene: Scene) -> None:
+        """Raise FairleadError for a scene that cannot be simulated or solved by anyone."""
+
+    def scenes(self, path: Path) -> SceneSet:
+        """Read and validate a scene file of this scenario."""
+        scenes = read_scenes(path, self.name, self.layout)
+        for scene in scenes.scenes:
+            self.validate(scene)
+        return scenes
