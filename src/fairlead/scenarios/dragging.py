@@ -22,7 +22,7 @@ from fairlead.scenarios.obstacles import Sizes, add_boxes, box_poses, box_sizes,
 from fairlead.scenarios.rope import FLOOR_BIT, OBSTACLE_BIT, PlanarRope
 from fairlead.scenarios.scenario import Scenario
 from fairlead.scenarios.scene_files import GoalSpec, Scene
-from fairlead.scenarios.simulate import Simulation, SimulatedWorld, base_options
+from fairlead.scenarios.simulate import SimulatedWorld, Simulation, base_options
 
 LAYOUT = StateLayout(("gripper",), 10)
 TARGETS = {"tail": 0, "midpoint": 5}
@@ -34,7 +34,9 @@ WALLS = tuple(
 )
 CUBE = Obstacle("cube", (Box((0.25, 0.25, 0.25), (0.0, 0.0, 0.0)),))
 _QUARTER = (0.0, 0.0, float(np.sqrt(0.5)), float(np.sqrt(0.5)))
-CORNER = Obstacle("corner", (Box((0.5, 0.08, 0.1), (0.0, 0.0, 0.0)), Box((0.2, 0.08, 0.1), (0.21, 0.10, 0.0), _QUARTER)))
+CORNER = Obstacle(
+    "corner", (Box((0.5, 0.08, 0.1), (0.0, 0.0, 0.0)), Box((0.2, 0.08, 0.1), (0.21, 0.10, 0.0), _QUARTER))
+)
 OBSTACLES = (*(Obstacle(f"box{i + 1}", CUBE.boxes) for i in range(6)),
              *(Obstacle(f"corner{i + 1}", CORNER.boxes) for i in range(3)))  # fmt: skip
 
@@ -225,13 +227,36 @@ class Dragging(Scenario):
 
     def goal(self, scene: Scene) -> PointGoal:
         if scene.goal.target not in TARGETS:
-            raise FairleadError(f"scene '{scene.name}': goal.target '{scene.goal.target}'; allowed: {', '.join(TARGETS)}")
+            raise FairleadError(
+                f"scene '{scene.name}': goal.target '{scene.goal.target}'; allowed: {', '.join(TARGETS)}"
+            )
         return PointGoal(LAYOUT, TARGETS[scene.goal.target], scene.goal.position, scene.goal.radius)
 
     def simulate(
         self, obstacles: Sequence[Sequence[Obstacle]], states: Float[np.ndarray, "batch state"], threads: int = 1
     ) -> DraggingWorld:
         return DraggingWorld(obstacles, np.asarray(states, float), threads, self.rope, self.gripper)
+
+    def backdrop(self) -> mujoco.MjModel:
+        spec = mujoco.MjSpec()
+        checker = spec.add_texture(name="checker", type=mujoco.mjtTexture.mjTEXTURE_2D, width=512, height=512,
+                                   builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER, rgb1=[0.93, 0.94, 0.95],
+                                   rgb2=[0.88, 0.90, 0.92])  # fmt: skip
+        material = spec.add_material(name="checker", texrepeat=[8, 8])
+        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = checker.name
+        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1, 1, 0.1], material="checker")
+        for wall in WALLS:
+            spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=np.array(wall.size) * [0.5, 0.5, 0.2],
+                                    pos=[*wall.position[:2], 0.06], rgba=[0.35, 0.39, 0.45, 1])  # fmt: skip
+        spec.worldbody.add_light(pos=[0.6, -0.9, 3], dir=[-0.2, 0.3, -1], diffuse=[0.45, 0.45, 0.45])
+        spec.worldbody.add_camera(name="view", pos=[0, -0.62, 2.9], xyaxes=[1, 0, 0, 0, 0.978, 0.21], fovy=45)
+        spec.add_texture(type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+                         rgb1=[1, 1, 1], rgb2=[1, 1, 1], width=64, height=384)  # fmt: skip
+        spec.visual.headlight.ambient = [0.3, 0.3, 0.3]
+        spec.visual.headlight.diffuse = [0.3, 0.3, 0.3]
+        spec.visual.headlight.specular = [0.0, 0.0, 0.0]
+        spec.visual.quality.shadowsize = 4096
+        return spec.compile()
 
     def random_start(self, rng: np.random.Generator) -> Float[np.ndarray, " state"]:
         """A gently bent rope somewhere in the arena."""
@@ -246,12 +271,12 @@ class Dragging(Scenario):
                 return state
         raise SamplingError("start inside the arena", 1000, "use a shorter rope")
 
-    def random_obstacles(
-        self, state: Float[np.ndarray, " state"], rng: np.random.Generator
-    ) -> tuple[Obstacle, ...]:
+    def random_obstacles(self, state: Float[np.ndarray, " state"], rng: np.random.Generator) -> tuple[Obstacle, ...]:
         clear = state.reshape(-1, 3)
         between = (clear[1:] + clear[:-1]) / 2
-        return place_apart(OBSTACLES, -0.85, 0.85, np.concatenate([clear, between]), self.rope.radius + 0.004, rng, WALLS)
+        return place_apart(
+            OBSTACLES, -0.85, 0.85, np.concatenate([clear, between]), self.rope.radius + 0.004, rng, WALLS
+        )
 
     def random_goal(self, obstacles: Sequence[Obstacle], rng: np.random.Generator) -> GoalSpec:
         """The tail's goal, uniform in [-0.7, 0.7]^2, at least 0.10 m from obstacles; not checked for reachability."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -90,9 +91,7 @@ def _overlap(boxes: Sequence[Box], others: Sequence[Box]) -> bool:
     """Whether the outlines of upright boxes overlap, tested on points along their sides."""
     if not others:
         return False
-    return bool(
-        box_distance(others, _outline(boxes)).min() < 0 or box_distance(boxes, _outline(others)).min() < 0
-    )
+    return bool(box_distance(others, _outline(boxes)).min() < 0 or box_distance(boxes, _outline(others)).min() < 0)
 
 
 def _outline(boxes: Sequence[Box]) -> Float[np.ndarray, "point 3"]:
@@ -102,7 +101,7 @@ def _outline(boxes: Sequence[Box]) -> Float[np.ndarray, "point 3"]:
         corners = box.corners()[[0, 2, 6, 4]]
         ring = np.concatenate([corners, corners[:1]])
         fractions = np.linspace(0, 1, int(max(box.size) / 0.02) + 2)[:, None]
-        points += [a + fractions * (b - a) for a, b in zip(ring, ring[1:], strict=False)]
+        points += [a + fractions * (b - a) for a, b in pairwise(ring)]
     stacked = np.concatenate(points)
     stacked[:, 2] = 0.02
     return stacked

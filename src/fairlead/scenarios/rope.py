@@ -65,8 +65,14 @@ class PlanarRope:
             end = centre + self.link_length / 2
             start = 0.0 if first else centre - self.link_length / 2
             body.add_geom(
-                name=f"link{i}", type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[start, 0, 0, end, 0, 0],
-                size=[self.radius, 0, 0], mass=1e-6, contype=0, conaffinity=OBSTACLE_BIT, friction=[self.friction, 0, 0],
+                name=f"link{i}",
+                type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+                fromto=[start, 0, 0, end, 0, 0],
+                size=[self.radius, 0, 0],
+                mass=1e-6,
+                contype=0,
+                conaffinity=OBSTACLE_BIT,
+                friction=[self.friction, 0, 0],
             )
             body.add_site(name=f"point{i}", pos=[centre, 0, 0])
             self._add_foot(body, i, centre)
@@ -79,8 +85,13 @@ class PlanarRope:
         inertia = self.link_mass * self.link_length**2 / 12
         foot.mass, foot.inertia, foot.explicitinertial = self.link_mass, [inertia] * 3, True
         foot.add_geom(
-            name=f"foot{i}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[self.radius / 2, 0, 0], pos=[0, 0, -self.radius / 2],
-            contype=0, conaffinity=FLOOR_BIT, friction=[self.friction, 0, 0],
+            name=f"foot{i}",
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[self.radius / 2, 0, 0],
+            pos=[0, 0, -self.radius / 2],
+            contype=0,
+            conaffinity=FLOOR_BIT,
+            friction=[self.friction, 0, 0],
         )
 
     def headings(

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
 
+import mujoco
 import numpy as np
 from jaxtyping import Float
 
@@ -13,6 +14,7 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.roles import Environment, Goal
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Obstacle
+from fairlead.scenarios.render import SceneRenderer
 from fairlead.scenarios.scene_files import Scene, SceneSet, read_scenes
 from fairlead.scenarios.simulate import SimulatedWorld
 
@@ -44,13 +46,15 @@ class Scenario(ABC):
         """One simulation for each row: obstacles placed, the rope laid at the given points and settled."""
 
     @abstractmethod
+    def backdrop(self) -> mujoco.MjModel:
+        """What pictures show behind every scene: lights, a camera called `view`, and what never moves."""
+
+    @abstractmethod
     def random_start(self, rng: np.random.Generator) -> Float[np.ndarray, " state"]:
         """A start without obstacles."""
 
     @abstractmethod
-    def random_obstacles(
-        self, state: Float[np.ndarray, " state"], rng: np.random.Generator
-    ) -> tuple[Obstacle, ...]:
+    def random_obstacles(self, state: Float[np.ndarray, " state"], rng: np.random.Generator) -> tuple[Obstacle, ...]:
         """Obstacles at random places that leave the rope in `state` free."""
 
     @abstractmethod
@@ -67,3 +71,8 @@ class Scenario(ABC):
         for scene in scenes.scenes:
             self.validate(scene)
         return scenes
+
+    def renderer(self, scene: Scene, width: int = 800, height: int = 800) -> SceneRenderer:
+        """Draws states of a scene."""
+        goal = (scene.goal.position, scene.goal.radius)
+        return SceneRenderer(self.backdrop(), self.layout, self.rope_radius, scene.obstacles, goal, width, height)

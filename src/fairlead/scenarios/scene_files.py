@@ -88,9 +88,7 @@ class _Reader:
         return self.as_vector(key, self.get(key, list), length)
 
     def as_vector(self, key: str, value: Any, length: int = 3) -> Vector:
-        numbers = isinstance(value, list) and all(
-            isinstance(v, int | float) and not isinstance(v, bool) for v in value
-        )
+        numbers = isinstance(value, list) and all(isinstance(v, int | float) and not isinstance(v, bool) for v in value)
         if not numbers or len(value) != length or not np.isfinite(value).all():
             raise self.fail(key, f"{length} finite numbers are needed, got {json.dumps(value)[:60]}")
         return tuple(map(float, value))
@@ -155,7 +153,15 @@ def read_scenes(path: Path, scenario: str, layout: StateLayout) -> SceneSet:
 
 def write_scenes(path: Path, scenario: str, scenes: Sequence[Scene], source: str) -> None:
     """Write scenes in the format that `read_scenes` reads; `source` says where they come from."""
-    write_atomic(path, json.dumps({
-        "scenario": scenario, "units": "metres, unit quaternions (x, y, z, w), world frame", "source": source,
-        "scenes": [asdict(scene) for scene in scenes],
-    }) + "\n")
+    write_atomic(
+        path,
+        json.dumps(
+            {
+                "scenario": scenario,
+                "units": "metres, unit quaternions (x, y, z, w), world frame",
+                "source": source,
+                "scenes": [asdict(scene) for scene in scenes],
+            }
+        )
+        + "\n",
+    )

@@ -1,0 +1,133 @@
+"""Pictures and films of scenes, drawn by MuJoCo's renderer from state vectors alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, final
+
+import imageio_ffmpeg
+import mujoco
+import numpy as np
+from jaxtyping import Float, UInt8
+from PIL import Image
+from scipy.spatial.transform import Rotation
+
+from fairlead.core.errors import FairleadError
+from fairlead.core.layout import StateLayout
+from fairlead.geometry.shapes import Obstacle
+
+Colour = tuple[float, float, float, float]
+ROPE: Colour = (0.93, 0.42, 0.16, 1.0)
+GHOST: Colour = (0.20, 0.55, 0.95, 0.45)
+GRIPPER: Colour = (0.15, 0.17, 0.20, 1.0)
+GOAL: Colour = (0.20, 0.70, 0.35, 0.55)
+OBSTACLE: Colour = (0.58, 0.63, 0.70, 1.0)
+
+
+@final
+class SceneRenderer:
+    """Draws states of one scene. Use as a context manager: it holds a graphics context.
+
+    Args:
+        backdrop: a model with what never moves, lights and a camera called `view`.
+        layout: how to read a state.
+        rope_radius: of the drawn rope [m].
+        obstacles: the scene's obstacles.
+        goal: centre [m] and radius [m] of a goal to draw, or None.
+        width, height: of a frame [pixels].
+    """
+
+    def __init__(
+        self,
+        backdrop: mujoco.MjModel,
+        layout: StateLayout,
+        rope_radius: float,
+        obstacles: Sequence[Obstacle],
+        goal: tuple[Sequence[float], float] | None,
+        width: int = 800,
+        height: int = 800,
+    ) -> None:
+        backdrop.vis.global_.offwidth = max(backdrop.vis.global_.offwidth, width)
+        backdrop.vis.global_.offheight = max(backdrop.vis.global_.offheight, height)
+        try:
+            self._renderer = mujoco.Renderer(backdrop, height, width)
+        except (RuntimeError, AttributeError, mujoco.FatalError) as error:
+            raise FairleadError(
+                f"no off-screen rendering here ({error}); try MUJOCO_GL=egl or MUJOCO_GL=osmesa"
+            ) from None
+        self._data = mujoco.MjData(backdrop)
+        mujoco.mj_forward(backdrop, self._data)
+        self._layout, self._radius, self._obstacles, self._goal = layout, rope_radius, obstacles, goal
+
+    def __enter__(self) -> SceneRenderer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._renderer.close()
+
+    def frame(
+        self, state: Float[np.ndarray, " state"], ghost: Float[np.ndarray, " state"] | None = None
+    ) -> UInt8[np.ndarray, "height width 3"]:
+        """One picture of a state; `ghost` is a second one (a prediction), drawn translucent."""
+        self._renderer.update_scene(self._data, camera="view")
+        for obstacle in self._obstacles:
+            for i, box in enumerate(obstacle.boxes):
+                matrix = Rotation.from_quat(box.quaternion_xyzw).as_matrix()
+                self._add(mujoco.mjtGeom.mjGEOM_BOX, np.array(box.size) / 2 - 0.001 * i, box.position, OBSTACLE, matrix)
+        if self._goal is not None:
+            centre, radius = self._goal
+            self._add(mujoco.mjtGeom.mjGEOM_SPHERE, [radius, 0, 0], centre, GOAL)
+        if ghost is not None:
+            self._rope(ghost, GHOST)
+        self._rope(state, ROPE)
+        return self._renderer.render()
+
+    def _rope(self, state: Float[np.ndarray, " state"], colour: Colour) -> None:
+        points, grippers = self._layout.points_of(state), self._layout.grippers_of(state)
+        chain = np.concatenate([points, grippers[-1:]])
+        if len(grippers) > 1:
+            chain = np.concatenate([grippers[:1], chain])
+        for start, end in pairwise(chain):
+            geom = self._add(mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), colour)
+            mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, self._radius, start, end)
+        held = GRIPPER if colour is ROPE else colour
+        for gripper in grippers:
+            self._add(mujoco.mjtGeom.mjGEOM_SPHERE, [1.3 * self._radius, 0, 0], gripper, held)
+
+    def _add(self, kind: mujoco.mjtGeom, size: Any, position: Any, colour: Colour, matrix: Any = None) -> Any:
+        scene = self._renderer.scene
+        geom = scene.geoms[scene.ngeom]
+        rotation = np.eye(3) if matrix is None else matrix
+        mujoco.mjv_initGeom(geom, kind, np.asarray(size, float), np.asarray(position, float), rotation.ravel(),
+                            np.array(colour, np.float32))  # fmt: skip
+        scene.ngeom += 1
+        return geom
+
+
+def save_png(path: Path, frame: UInt8[np.ndarray, "height width 3"]) -> None:
+    """Write one picture."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(frame).save(path)
+
+
+def save_mp4(path: Path, frames: Iterable[UInt8[np.ndarray, "height width 3"]], fps: int = 25) -> None:
+    """Write a film (H.264, plays in every browser); all frames have the same size."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    writer = None
+    for frame in frames:
+        if writer is None:
+            writer = imageio_ffmpeg.write_frames(
+                str(path),
+                (frame.shape[1], frame.shape[0]),
+                fps=fps,
+                macro_block_size=2,
+                quality=8,
+                ffmpeg_log_level="error",
+            )
+            writer.send(None)
+        writer.send(np.ascontiguousarray(frame))
+    if writer is None:
+        raise FairleadError(f"{path}: a film needs at least one frame")
+    writer.close()
