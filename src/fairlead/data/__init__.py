@@ -1,1 +1,1 @@
-"""Collection, the store on disk, splits."""
+"""Recorded trajectories: how they are collected, kept on disk, split, checked and loaded."""

@@ -1,0 +1,186 @@
+"""Collection (paper, "Data collection"): lanes of trajectories side by side, with no reset in between.
+
+Shard k is trajectory number k of every lane. It is a function of the seed and of shard k - 1 as recorded, so a run
+that was killed and started again writes the same bytes as one that was not, at any number of threads.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from fairlead.core.artifacts import Manifest
+from fairlead.core.budget import Clock
+from fairlead.core.errors import FairleadError
+from fairlead.core.records import ActionOutcome
+from fairlead.core.roles import World
+from fairlead.core.streams import stream
+from fairlead.data.recording import Recording
+from fairlead.data.shards import Shard, split_of
+from fairlead.data.store import Obstacles
+from fairlead.scenarios.scenario import Scenario
+
+PAPER_STEPS = {1: 10, 2: 50}
+_REACHED = tuple(ActionOutcome).index(ActionOutcome.TARGET)
+
+
+@dataclass(frozen=True)
+class CollectConfig:
+    """What to record. With the scenario, this decides every byte.
+
+    Args:
+        phase: 1, without obstacles, for dynamics; 2, among obstacles, for trust and recovery.
+        trajectories: how many; those that diverge are dropped.
+        seed: of every random stream.
+        lanes: chains of trajectories that run side by side.
+        steps: actions in a trajectory; 0 for the paper's (10 in phase 1, 50 in phase 2).
+        obstacles_every: obstacles move after this many trajectories of a lane.
+    """
+
+    phase: int
+    trajectories: int
+    seed: int = 0
+    lanes: int = 64
+    steps: int = 0
+    obstacles_every: int = 8
+
+    def __post_init__(self) -> None:
+        if self.phase not in PAPER_STEPS:
+            raise FairleadError(f"phase {self.phase}: 1 (no obstacles) or 2 (obstacles) is needed")
+        for name in ("trajectories", "lanes", "obstacles_every"):
+            if getattr(self, name) < 1:
+                raise FairleadError(f"{name} {getattr(self, name)}: at least 1 is needed")
+        if self.steps < 0:
+            raise FairleadError(f"steps {self.steps}: at least 1 is needed, or 0 for the paper's")
+
+    def resolved(self, scenario: Scenario) -> dict[str, Any]:
+        """Every value that the data depend on."""
+        return {
+            **asdict(self),
+            "scenario": scenario.name,
+            "grippers": list(scenario.layout.grippers),
+            "points": scenario.layout.points,
+            "lanes": min(self.lanes, self.trajectories),
+            "steps": self.steps or PAPER_STEPS[self.phase],
+        }
+
+
+def collect(
+    scenario: Scenario,
+    config: CollectConfig,
+    folder: Path,
+    threads: int = 1,
+    advance: Callable[[int], None] = lambda _: None,
+    clock: Clock = time.perf_counter,
+) -> Manifest:
+    """Record a dataset, or finish one that was interrupted.
+
+    Args:
+        scenario: the world.
+        config: what to record.
+        folder: where; a finished dataset of the same configuration is verified and left as it is.
+        threads: of the simulator; they do not change a byte.
+        advance: told how many more transitions there are, those found at the start included.
+        clock: measures wall time.
+
+    Raises:
+        ArtifactError: the folder holds something else.
+    """
+    resolved = config.resolved(scenario)
+    lanes, steps = resolved["lanes"], resolved["steps"]
+    recording = Recording(folder, resolved)
+    if recording.manifest:
+        return recording.manifest
+    previous = recording.last()
+    advance(min(len(recording) * lanes, config.trajectories) * steps)
+    for index in range(len(recording), -(-config.trajectories // lanes)):
+        began, count = clock(), min(lanes, config.trajectories - index * lanes)
+        starts = _starts(scenario, config, index, count, previous, recording.scenes)
+        world = scenario.simulate([starts.scenes[i] for i in starts.scene], starts.states, threads)
+        previous, diverged = _record(scenario, config.seed, index, starts.scene, world, resolved, advance)
+        new = starts.scenes[len(recording.scenes) :]
+        recording.append(previous, new, diverged=diverged, simulation_steps=world.steps, wall_s=clock() - began)
+    return recording.finish()
+
+
+@dataclass(frozen=True)
+class _Starts:
+    """Where the lanes go on: a state each, the index of its scene, and all scenes so far."""
+
+    states: Float[np.ndarray, "lane state"]
+    scene: Int[np.ndarray, " lane"]
+    scenes: list[Obstacles]
+
+
+def _starts(
+    scenario: Scenario, config: CollectConfig, index: int, count: int, previous: Shard | None, known: list[Obstacles]
+) -> _Starts:
+    """A lane goes on from its last recorded state; a new one, or one that diverged, starts afresh.
+
+    In phase 2 obstacles are drawn for a fresh start and every `obstacles_every` trajectories, clear of the rope.
+    """
+    scenes, states, scene = list(known), [], []
+    if config.phase == 1 and not scenes:
+        scenes.append(())
+    rows = () if previous is None else zip(previous.lane, previous.states[:, -1], previous.scene, strict=True)
+    ends = {int(lane): (state.astype(float), int(place)) for lane, state, place in rows}
+    for lane in range(count):
+        names = (config.phase, lane, index)
+        fresh = lane not in ends
+        state, place = (scenario.random_start(stream(config.seed, "start", *names)), 0) if fresh else ends[lane]
+        if config.phase == 2 and (fresh or index % config.obstacles_every == 0):
+            place = len(scenes)
+            scenes.append(scenario.random_obstacles(state, stream(config.seed, "obstacles", *names)))
+        states.append(state)
+        scene.append(place)
+    return _Starts(np.stack(states), np.array(scene), scenes)
+
+
+def _record(
+    scenario: Scenario,
+    seed: int,
+    index: int,
+    scene: Int[np.ndarray, " lane"],
+    world: World,
+    config: Mapping[str, Any],
+    advance: Callable[[int], None],
+) -> tuple[Shard, int]:
+    """One trajectory of every lane, and how many diverged and are left out.
+
+    The displacement repeats with the sampler's probability, but never after an action that was blocked: repeating it
+    would be blocked again, which teaches little.
+    """
+    sampler, lanes = scenario.sampler, np.arange(len(scene))
+    streams = [stream(seed, "actions", config["phase"], int(lane), index) for lane in lanes]
+    displacement = np.zeros((len(lanes), len(scenario.layout.grippers), 3))
+    keep = np.zeros(len(lanes), bool)
+    states, actions, seconds, outcomes = [world.observe()], [], [], []
+    sound = np.isfinite(states[0]).all(axis=1)
+    for _ in range(config["steps"]):
+        rows = [sampler.redraw(displacement[i : i + 1], keep[i : i + 1], streams[i]) for i in lanes]
+        displacement = np.concatenate(rows)
+        actions.append(sampler.targets(states[-1], displacement))
+        done = world.execute(actions[-1])
+        states.append(done.states)
+        seconds.append(done.seconds)
+        outcomes.append(done.outcomes)
+        keep = done.outcomes == _REACHED
+        sound &= ~done.diverged & np.isfinite(done.states).all(axis=1)
+        advance(len(lanes))
+    shard = Shard(
+        episode=(index * config["lanes"] + lanes)[sound],
+        lane=lanes[sound],
+        scene=scene[sound],
+        split=np.array([split_of(int(lane)) for lane in lanes[sound]], dtype=str),
+        states=np.stack(states, axis=1)[sound].astype(np.float32),
+        actions=np.stack(actions, axis=1)[sound].astype(np.float32),
+        seconds=np.stack(seconds, axis=1)[sound].astype(np.float32),
+        outcomes=np.stack(outcomes, axis=1)[sound],
+    )
+    return shard, int((~sound).sum())
