@@ -40,12 +40,12 @@ class StateLayout:
     def grippers_of(self, states: Float[np.ndarray, "*batch state"]) -> Float[np.ndarray, "*batch gripper 3"]:
         """Gripper positions [m], a view where numpy allows one."""
         head = states[..., : self.action_size]
-        return head.reshape(*head.shape[:-1], -1, 3)
+        return head.reshape(*head.shape[:-1], len(self.grippers), 3)
 
     def points_of(self, states: Float[np.ndarray, "*batch state"]) -> Float[np.ndarray, "*batch point 3"]:
         """Object points [m], a view where numpy allows one."""
         tail = states[..., self.action_size :]
-        return tail.reshape(*tail.shape[:-1], -1, 3)
+        return tail.reshape(*tail.shape[:-1], self.points, 3)
 
     def join(
         self, grippers: Float[np.ndarray, "*batch gripper 3"], points: Float[np.ndarray, "*batch point 3"]

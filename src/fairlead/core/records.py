@@ -100,10 +100,20 @@ class Executed:
 
 
 @dataclass(frozen=True)
+class SearchTree:
+    """What a planner accepted: node 0 is the start, trust[i] that of the transition from node parents[i] to node i."""
+
+    states: Float[np.ndarray, "node state"]
+    parents: Int[np.ndarray, " node"]
+    trust: Float[np.ndarray, " node"]
+
+
+@dataclass(frozen=True)
 class Plan:
     """One planning attempt: T actions from states[0] to states[T], and the trust in each transition.
 
-    No batch axis. `extensions` counts the transitions that were checked; `nodes` the size of the tree.
+    No batch axis. `extensions` counts the transitions that were checked, `invalid` those of them whose prediction or
+    probability was not a finite number; `nodes` is the size of the tree, and `tree` the tree, for looking at.
     """
 
     outcome: PlanOutcome
@@ -112,6 +122,8 @@ class Plan:
     trust: Float[np.ndarray, " steps"]
     extensions: int
     nodes: int
+    invalid: int = 0
+    tree: SearchTree | None = None
 
     def __len__(self) -> int:
         return len(self.actions)

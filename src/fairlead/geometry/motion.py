@@ -50,7 +50,7 @@ class RandomDisplacement(ActionSampler):
     ) -> Float[np.ndarray, "batch action"]:
         """Gripper positions plus displacements, moved to the nearest allowed position [m]."""
         moved = np.clip(self.layout.grippers_of(states) + displacements, self.low, self.high)
-        return moved.reshape(len(states), -1)
+        return moved.reshape(len(states), self.layout.action_size)
 
     def propose(
         self, states: Float[np.ndarray, "batch state"], rng: np.random.Generator
@@ -63,7 +63,7 @@ class RandomDisplacement(ActionSampler):
         actions: Float[np.ndarray, "batch action"],
         next_states: Float[np.ndarray, "batch state"],
     ) -> Float[np.ndarray, "batch action"]:
-        wanted = actions.reshape(len(actions), -1, 3) - self.layout.grippers_of(states)
+        wanted = self.layout.grippers_of(actions) - self.layout.grippers_of(states)
         return self.targets(next_states, wanted)
 
     def redraw(
