@@ -1,0 +1,190 @@
+"""The unconstrained dynamics: an ensemble of networks that predict how a state changes, in a local frame.
+
+Paper, "Learning the unconstrained dynamics" and "Incorporating uncertainty in the learned dynamics".
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+
+from fairlead.core.errors import FairleadError, UnknownNameError
+from fairlead.core.layout import StateLayout
+from fairlead.core.records import Prediction
+from fairlead.core.roles import Dynamics, Environment
+from fairlead.core.streams import stream_seed
+from fairlead.learning.fit import Stage, Task, fit
+from fairlead.learning.model_files import Job, ModelFile, save_model
+from fairlead.learning.networks import NETWORKS, Shape
+from fairlead.learning.rollout import Splits, Windows, dynamics_metrics, rollout_errors
+
+UNIT_M = 0.1
+_STAGES = (Stage(60, 512, 1e-3, 1), Stage(12, 256, 3e-4, 4), Stage(12, 128, 1e-4, 10))
+
+
+@dataclass(frozen=True)
+class DynamicsConfig:
+    """How the ensemble is built and trained.
+
+    Args:
+        network: a name in `NETWORKS`.
+        hidden: hidden units of a layer (the paper's network: 1024).
+        members: networks in the ensemble.
+        planar: the object moves in a horizontal plane, and alike in every direction: heights are left alone, the
+            local frame is turned with the action, and half of the training examples are mirrored.
+        stages: one-step predictions at a large batch first, then several steps at a smaller rate.
+        patience: epochs without improvement after which a stage ends.
+    """
+
+    network: str = "chain"
+    hidden: int = 256
+    members: int = 8
+    planar: bool = True
+    stages: tuple[Stage, ...] = _STAGES
+    patience: int = 30
+
+    def __post_init__(self) -> None:
+        if self.network not in NETWORKS:
+            raise UnknownNameError("dynamics network", self.network, NETWORKS)
+        if min(self.hidden, self.members, len(self.stages)) < 1:
+            raise FairleadError("dynamics: hidden, members and the number of stages must be positive")
+
+
+@final
+class Ensemble(nn.Module):
+    """One step of every member: into the local frame, the network, and back. Weights derive from `seed`."""
+
+    def __init__(self, layout: StateLayout, config: DynamicsConfig, seed: int) -> None:
+        super().__init__()
+        self.layout, self.planar, self.members = layout, config.planar, config.members
+        self.axes = 2 if config.planar else 3
+        shape = Shape(config.members, len(layout.grippers), layout.points, self.axes, config.hidden)
+        generator = torch.Generator().manual_seed(stream_seed(seed, "dynamics", "weights"))
+        self.network = NETWORKS[config.network](shape, generator)
+
+    def forward(
+        self, states: Float[Tensor, "member batch state"], actions: Float[Tensor, "member batch action"]
+    ) -> Float[Tensor, "member batch state"]:
+        """The next state that each member predicts for its own rows [m]."""
+        count = len(self.layout.grippers)
+        positions = states.unflatten(-1, (-1, 3))
+        wanted = actions.unflatten(-1, (-1, 3)) - positions[:, :, :count]
+        origin = positions[:, :, :count] if count == 1 else positions[:, :, count:].mean(2, keepdim=True)
+        local = positions - origin
+        turn = self._turn(wanted)
+        local, wanted = ((x[..., : self.axes] @ turn) / UNIT_M for x in (local, wanted))
+        change = UNIT_M * self.network(local, wanted) @ turn.transpose(-1, -2)
+        return states + nn.functional.pad(change, (0, 3 - self.axes)).flatten(2)
+
+    def _turn(self, wanted: Float[Tensor, "member batch gripper 3"]) -> Float[Tensor, "member batch axis axis"]:
+        """Columns are the local axes: in the plane, along the wanted displacement and to its left."""
+        if not self.planar:
+            return torch.eye(3).expand(*wanted.shape[:2], 3, 3)
+        asked = wanted[..., :2].sum(2).detach()
+        length = asked.norm(dim=-1, keepdim=True)
+        along = torch.where(length > 1e-6, asked / length.clamp_min(1e-6), torch.tensor([1.0, 0.0]))
+        return torch.stack([along, torch.stack([-along[..., 1], along[..., 0]], dim=-1)], dim=-1)
+
+
+@final
+class LearnedDynamics(Dynamics):
+    """The trained ensemble: its mean prediction, and its spread. The environment is ignored."""
+
+    def __init__(self, module: Ensemble) -> None:
+        self._module = module
+
+    @property
+    def layout(self) -> StateLayout:
+        return self._module.layout
+
+    def predict(
+        self,
+        environment: Environment,  # noqa: ARG002 (unconstrained: that is the point)
+        states: Float[np.ndarray, "batch state"],
+        actions: Float[np.ndarray, "batch action"],
+    ) -> Prediction:
+        members = self._module.members
+        with torch.inference_mode():
+            s, a = (torch.from_numpy(np.asarray(x, np.float32)).expand(members, -1, -1) for x in (states, actions))
+            predicted = self._module(s, a)
+            mean = predicted.mean(0)
+            spread = (predicted - mean).square().mean(0).sqrt().sum(-1)
+        return Prediction(mean.numpy(), spread.numpy())
+
+
+@final
+class RolloutTask(Task):
+    """Fits a step function to trajectories by the loss of Eq. 5, as a mean over all predicted steps.
+
+    Each state component (grippers, rope) weighs once, by its mean square error. The score is the validation error per
+    point [m] over ten-step rollouts.
+    """
+
+    def __init__(
+        self,
+        module: nn.Module,
+        step: Callable[[Tensor, Tensor, Tensor], Tensor],
+        dynamics: Dynamics,
+        data: Splits,
+        members: int = 1,
+        mirror: bool = False,
+    ) -> None:
+        self.module, self._step, self._dynamics = module, step, dynamics
+        self._data, self._members, self._mirror = data, members, mirror
+        self._windows = Windows(data.train)
+
+    def order(self, stage: Stage, rng: np.random.Generator) -> Sequence[Int[np.ndarray, "member batch 2"]]:
+        return self._windows.order(stage.horizon, stage.batch, self._members, rng)
+
+    def loss(self, stage: Stage, indices: Int[np.ndarray, "member batch 2"], rng: np.random.Generator) -> Tensor:
+        states, actions, scene = self._windows.at(indices, stage.horizon)
+        if self._mirror:
+            flip = torch.from_numpy(1 - 2 * rng.integers(0, 2, indices.shape[:2]).astype(np.float32))
+            states, actions = (_mirrored(x, flip) for x in (states, actions))
+        grippers, total = self._data.layout.action_size, torch.zeros(())
+        current = states[:, :, 0]
+        for step in range(actions.shape[2]):
+            current = self._step(current, actions[:, :, step], scene)
+            error = ((current - states[:, :, step + 1]) / UNIT_M).square()
+            total = total + error[..., :grippers].mean() + error[..., grippers:].mean()
+        return total / actions.shape[2]
+
+    def score(self) -> float:
+        return float(rollout_errors(self._dynamics, self._data.validation)[1].mean())
+
+
+def _mirrored(vectors: Tensor, flip: Tensor) -> Tensor:
+    """World y changes sign where flip is -1."""
+    sign = torch.stack([torch.ones_like(flip), flip, torch.ones_like(flip)], dim=-1)
+    return vectors * sign.repeat(1, 1, vectors.shape[-1] // 3)[:, :, None]
+
+
+def train_dynamics(data: Splits, config: DynamicsConfig, job: Job) -> LearnedDynamics:
+    """Train the ensemble on unconstrained data and save it; delta is in its `metrics.json`."""
+    started = time.monotonic()
+    module = Ensemble(data.layout, config, job.seed)
+    dynamics = LearnedDynamics(module)
+    task = RolloutTask(
+        module, lambda states, actions, _: module(states, actions), dynamics, data, config.members, config.planar
+    )
+    key = job.key("dynamics", config)
+    fit(task, config.stages, job.seed, job.folder, key=key, patience=config.patience, title="dynamics")
+    metrics = dynamics_metrics(dynamics, data)
+    seconds = time.monotonic() - started
+    save_model(job, "dynamics", config.network, data.layout, config, module.state_dict(), metrics, seconds)
+    return dynamics
+
+
+def dynamics_from(model: ModelFile) -> LearnedDynamics:
+    """The dynamics of a model that was read."""
+    config = DynamicsConfig(**{**model.config, "stages": tuple(Stage(**stage) for stage in model.config["stages"])})
+    module = Ensemble(model.layout, config, 0)
+    model.load_into(module)
+    return LearnedDynamics(module)

@@ -1,0 +1,97 @@
+"""Networks for the unconstrained dynamics, chosen by name.
+
+A network maps positions and actions in the local frame to the change of the positions in it. Everything is in
+decimetres there, about the length of a step. An entry of `NETWORKS` is called with a `Shape` and a generator.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import final
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from fairlead.learning.ensemble import ensemble_mlp
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Sizes: ensemble members, grippers, rope points, axes (2 in the plane), hidden units."""
+
+    members: int
+    grippers: int
+    points: int
+    axes: int
+    hidden: int
+
+
+class DynamicsNetwork(nn.Module, ABC):
+    """Positions (member, batch, grippers + points, axes) and wanted displacements of the grippers -> changes."""
+
+    @abstractmethod
+    def forward(
+        self,
+        positions: Float[Tensor, "member batch position axis"],
+        wanted: Float[Tensor, "member batch gripper axis"],
+    ) -> Float[Tensor, "member batch position axis"]:
+        """The change of each position."""
+
+
+@final
+class PaperMLP(DynamicsNetwork):
+    """The paper's: two hidden layers with ReLU on the concatenated state and action."""
+
+    def __init__(self, shape: Shape, generator: torch.Generator) -> None:
+        super().__init__()
+        state = (shape.grippers + shape.points) * shape.axes
+        sizes = (state + shape.grippers * shape.axes, shape.hidden, shape.hidden, state)
+        self.layers = ensemble_mlp(shape.members, sizes, generator)
+
+    def forward(
+        self,
+        positions: Float[Tensor, "member batch position axis"],
+        wanted: Float[Tensor, "member batch gripper axis"],
+    ) -> Float[Tensor, "member batch position axis"]:
+        """The change of each position."""
+        targets = positions[:, :, : wanted.shape[2]] + wanted
+        change = self.layers(torch.cat([positions.flatten(2), targets.flatten(2)], dim=-1))
+        return change.view_as(positions)
+
+
+@final
+class Chain(DynamicsNetwork):
+    """Knows that the rope is a chain: reads its links, predicts how they turn, and hangs them on the gripper.
+
+    The gripper goes to its target up to a residual. Points follow from the (last) gripper by summing the predicted
+    links, so a change near the gripper carries all that hangs on it.
+    """
+
+    def __init__(self, shape: Shape, generator: torch.Generator) -> None:
+        super().__init__()
+        moved, links = shape.grippers * shape.axes, shape.points * shape.axes
+        other = (shape.grippers - 1) * shape.axes
+        sizes = (links + other + moved, shape.hidden, shape.hidden, shape.hidden, moved + links)
+        self.layers = ensemble_mlp(shape.members, sizes, generator)
+
+    def forward(
+        self,
+        positions: Float[Tensor, "member batch position axis"],
+        wanted: Float[Tensor, "member batch gripper axis"],
+    ) -> Float[Tensor, "member batch position axis"]:
+        """The change of each position."""
+        grippers = wanted.shape[2]
+        hung = torch.cat([positions[:, :, grippers:], positions[:, :, grippers - 1 : grippers]], dim=2)
+        links = hung.diff(dim=2)
+        between = positions[:, :, : grippers - 1] - positions[:, :, grippers - 1 : grippers]
+        out = self.layers(torch.cat([2 * links.flatten(2), between.flatten(2), wanted.flatten(2)], dim=-1))
+        moved = wanted + out[..., : wanted[0, 0].numel()].view_as(wanted)
+        turned = out[..., wanted[0, 0].numel() :].view_as(links)
+        followed = moved[:, :, -1:] - turned.flip(2).cumsum(2).flip(2)
+        return torch.cat([moved, followed], dim=2)
+
+
+NETWORKS: dict[str, Callable[[Shape, torch.Generator], DynamicsNetwork]] = {"mlp": PaperMLP, "chain": Chain}

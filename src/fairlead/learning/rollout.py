@@ -1,0 +1,125 @@
+"""Predictions of several steps: what a model is trained on, judged by, and labelled with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float32, Int
+from torch import Tensor
+
+from fairlead.core.errors import FairleadError
+from fairlead.core.layout import StateLayout
+from fairlead.core.records import Trajectories
+from fairlead.core.roles import Dynamics, Environment
+from fairlead.geometry.distance import model_error, point_error
+
+DELTA_PERCENTILE = 90.0
+DELTA_STEPS = 10
+_ROWS = 2048
+
+
+@dataclass(frozen=True)
+class Splits:
+    """A dataset, split at collection by trajectory and scene."""
+
+    train: Trajectories
+    validation: Trajectories
+    test: Trajectories
+
+    def __post_init__(self) -> None:
+        for name in ("train", "validation", "test"):
+            if not len(getattr(self, name)):
+                raise FairleadError(f"the {name} split has no trajectories: collect more")
+
+    @property
+    def layout(self) -> StateLayout:
+        """How to read a state."""
+        return self.train.layout
+
+
+def roll_out(
+    dynamics: Dynamics,
+    environment: Environment,
+    starts: Float[np.ndarray, "batch state"],
+    actions: Float[np.ndarray, "batch steps action"],
+) -> tuple[Float32[np.ndarray, "batch steps_and_one state"], Float32[np.ndarray, "batch steps"]]:
+    """Feed the mean prediction back: s_hat^0 = s^0, s_hat^{t+1} = h(E, s_hat^t, a^t). States, and spreads [m]."""
+    batch, steps = actions.shape[:2]
+    states = np.empty((batch, steps + 1, starts.shape[1]), np.float32)
+    spread = np.empty((batch, steps), np.float32)
+    states[:, 0] = starts
+    for low in range(0, batch, _ROWS):
+        rows = slice(low, low + _ROWS)
+        for step in range(steps):
+            found = dynamics.predict(environment, states[rows, step], actions[rows, step])
+            states[rows, step + 1], spread[rows, step] = found.mean, found.spread
+    return states, spread
+
+
+def roll_out_all(dynamics: Dynamics, data: Trajectories, steps: int) -> Float32[np.ndarray, "trajectory steps state"]:
+    """Predicted states 1 .. steps of every trajectory from its start, each in its own environment."""
+    predicted = np.empty((len(data), steps, data.layout.state_size), np.float32)
+    for scene in np.unique(data.scene):
+        rows = np.flatnonzero(data.scene == scene)
+        environment = data.environments[scene]
+        states, _ = roll_out(dynamics, environment, data.states[rows, 0], data.actions[rows, :steps])
+        predicted[rows] = states[:, 1:]
+    return predicted
+
+
+def rollout_errors(dynamics: Dynamics, data: Trajectories) -> tuple[Float[np.ndarray, "n s"], Float[np.ndarray, "n s"]]:
+    """d [m] and the error per point [m] at each of the first ten steps of rollouts from every trajectory's start."""
+    steps = min(DELTA_STEPS, data.actions.shape[1])
+    predicted = roll_out_all(dynamics, data, steps)
+    actual = data.states[:, 1 : steps + 1]
+    return model_error(data.layout, predicted, actual), point_error(data.layout, predicted, actual)
+
+
+def dynamics_metrics(dynamics: Dynamics, data: Splits) -> dict[str, object]:
+    """Errors per point on each split, by step on test; delta, the 90th percentile of d on validation [m]."""
+    found = {name: rollout_errors(dynamics, getattr(data, name)) for name in ("train", "validation", "test")}
+    return {
+        **{f"{name}_point_error_m": float(points.mean()) for name, (_, points) in found.items()},
+        "test_point_error_by_step_m": found["test"][1].mean(axis=0).round(6).tolist(),
+        "delta_m": float(np.percentile(found["validation"][0], DELTA_PERCENTILE)),
+        "trajectories": {name: len(getattr(data, name)) for name in found},
+    }
+
+
+class Windows:
+    """Every run of `horizon` steps in a dataset, as tensors, by (trajectory, first step)."""
+
+    def __init__(self, data: Trajectories) -> None:
+        self.states = torch.from_numpy(np.ascontiguousarray(data.states, np.float32))
+        self.actions = torch.from_numpy(np.ascontiguousarray(data.actions, np.float32))
+        self.scene = torch.from_numpy(np.ascontiguousarray(data.scene, np.int64))
+
+    def order(
+        self, horizon: int, batch: int, members: int, rng: np.random.Generator
+    ) -> Sequence[Int[np.ndarray, "member batch 2"]]:
+        """Minibatches of one pass over the windows; each member sees the same windows in an order of its own."""
+        trajectories, steps = self.actions.shape[:2]
+        starts = np.arange(max(1, steps - horizon + 1))
+        every = np.stack(np.meshgrid(np.arange(trajectories), starts, indexing="ij"), axis=-1).reshape(-1, 2)
+        shuffled = np.stack([every[rng.permutation(len(every))] for _ in range(members)])
+        return np.array_split(shuffled, max(1, len(every) // batch), axis=1)
+
+    def at(
+        self, indices: Int[np.ndarray, "member batch 2"], horizon: int
+    ) -> tuple[
+        Float[Tensor, "member batch steps_and_one state"],
+        Float[Tensor, "member batch steps action"],
+        Int[Tensor, "member batch"],
+    ]:
+        """States, actions and scenes of windows."""
+        horizon = min(horizon, self.actions.shape[1])
+        trajectory, first = torch.from_numpy(indices).unbind(-1)
+        steps = first[..., None] + torch.arange(horizon + 1)
+        return (
+            self.states[trajectory[..., None], steps],
+            self.actions[trajectory[..., None], steps[..., :-1]],
+            self.scene[trajectory],
+        )
