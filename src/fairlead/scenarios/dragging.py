@@ -1,5 +1,8 @@
 """Scenario 1 of the paper: dragging a rope along the floor of a walled arena, among cubes and L-shaped corners."""
 
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo ships no type stubs.
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -60,18 +63,23 @@ class Gripper:
 
 
 @lru_cache(maxsize=16)
-def build_model(sizes: Sizes, rope: PlanarRope, gripper: Gripper) -> mujoco.MjModel:
-    """The compiled arena with rope and gripper and one movable box for each of `sizes`."""
+def build_model(sizes: Sizes | None, rope: PlanarRope, gripper: Gripper) -> mujoco.MjModel:
+    """The compiled model, kept for the next world with boxes of the same sizes."""
+    return build_spec(sizes, rope, gripper).compile()
+
+
+def build_spec(sizes: Sizes | None, rope: PlanarRope, gripper: Gripper) -> mujoco.MjSpec:
+    """Floor, rope and gripper; walls and one movable box for each of `sizes`, unless that is None: nothing to touch."""
     spec = mujoco.MjSpec()
     spec.modelname = "dragging"
     base_options(spec)
     spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[2, 2, 0.1],
                             contype=FLOOR_BIT, conaffinity=0, friction=[rope.friction, 0, 0])  # fmt: skip
-    for i, wall in enumerate(WALLS):
+    for i, wall in enumerate(WALLS if sizes is not None else ()):
         spec.worldbody.add_geom(name=f"wall{i}", type=mujoco.mjtGeom.mjGEOM_BOX, size=np.array(wall.size) / 2,
                                 pos=wall.position, contype=OBSTACLE_BIT, conaffinity=0,
                                 friction=[rope.friction, 0, 0])  # fmt: skip
-    add_boxes(spec, sizes, rope.friction)
+    add_boxes(spec, sizes or (), rope.friction)
     body = spec.worldbody.add_body(name="gripper", pos=[0, 0, rope.height])
     for axis, direction in (("x", [1, 0, 0]), ("y", [0, 1, 0])):
         body.add_joint(name=f"gripper_{axis}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=direction)
@@ -81,12 +89,14 @@ def build_model(sizes: Sizes, rope: PlanarRope, gripper: Gripper) -> mujoco.MjMo
     body.add_geom(name="gripper", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[gripper.radius, 0, 0], mass=gripper.mass,
                   contype=0, conaffinity=OBSTACLE_BIT, friction=[rope.friction, 0, 0])  # fmt: skip
     rope.add_to(body)
-    return spec.compile()
+    return spec
 
 
 @final
 class DraggingWorld(SimulatedWorld):
     """Copies of the arena, one for each row of `states`, settled at the start.
+
+    `obstacles` None is the unconstrained world of phase 1: a floor without obstacles or walls.
 
     Raises:
         FairleadError: rows with boxes of different sizes.
@@ -94,17 +104,17 @@ class DraggingWorld(SimulatedWorld):
 
     def __init__(
         self,
-        obstacles: Sequence[Sequence[Obstacle]],
+        obstacles: Sequence[Sequence[Obstacle]] | None,
         states: Float[np.ndarray, "batch state"],
         threads: int,
         rope: PlanarRope,
         gripper: Gripper,
     ) -> None:
-        sizes = box_sizes(obstacles[0])
+        sizes = None if obstacles is None else box_sizes(obstacles[0])
         model = build_model(sizes, rope, gripper)
         self.rope, self.gripper, self.simulation = rope, gripper, Simulation(model, len(states), threads)
         batch = self.simulation.batch
-        if sizes:
+        if obstacles is not None and sizes:
             batch.mocap_pos, batch.mocap_quat = box_poses(obstacles, sizes)
         self._hinges = np.array([model.joint(f"hinge{i}").qposadr[0] for i in reversed(range(rope.links))])
         self._all = np.arange(len(states), dtype=np.int32)
@@ -221,6 +231,9 @@ class Dragging(Scenario):
         z = self.rope.height
         self.bounds = np.array([[-inside, -inside, 0.0], [inside, inside, 2 * z]])
         self.sampler = RandomDisplacement(LAYOUT, 0.15, (-inside, -inside, z), (inside, inside, z), planar=True)
+        self.unconstrained_sampler = RandomDisplacement(
+            LAYOUT, 0.15, (-np.inf, -np.inf, z), (np.inf, np.inf, z), planar=True
+        )
 
     def environment(self, obstacles: Sequence[Obstacle]) -> BoxEnvironment:
         return BoxEnvironment([*WALLS, *(box for o in obstacles for box in o.boxes)], self.bounds)
@@ -236,6 +249,9 @@ class Dragging(Scenario):
         self, obstacles: Sequence[Sequence[Obstacle]], states: Float[np.ndarray, "batch state"], threads: int = 1
     ) -> DraggingWorld:
         return DraggingWorld(obstacles, np.asarray(states, float), threads, self.rope, self.gripper)
+
+    def simulate_unconstrained(self, states: Float[np.ndarray, "batch state"], threads: int = 1) -> DraggingWorld:
+        return DraggingWorld(None, np.asarray(states, float), threads, self.rope, self.gripper)
 
     def backdrop(self) -> mujoco.MjModel:
         spec = mujoco.MjSpec()

@@ -1,5 +1,8 @@
 """Movable obstacles: mocap bodies of one compiled model, so that their poses are fields of each simulation's state."""
 
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo ships no type stubs.
+
 from __future__ import annotations
 
 from collections.abc import Sequence

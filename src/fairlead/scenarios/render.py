@@ -1,5 +1,8 @@
 """Pictures and films of scenes, drawn by MuJoCo's renderer from state vectors alone."""
 
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo ships no type stubs.
+
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence

@@ -4,6 +4,9 @@ A link moves in the plane only, so the floor does not hold it up; its weight res
 own, whose contact with the floor gives the sliding friction mu m g. See docs/adr/0001.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo ships no type stubs.
+
 from __future__ import annotations
 
 from dataclasses import dataclass

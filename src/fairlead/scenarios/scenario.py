@@ -1,5 +1,8 @@
 """What a scenario is: a state layout, random actions, environments, starts, goals, and worlds to act in."""
 
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo ships no type stubs.
+
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
@@ -25,6 +28,7 @@ class Scenario(ABC):
     name: str
     layout: StateLayout
     sampler: RandomDisplacement
+    unconstrained_sampler: RandomDisplacement
     rope_radius: float
     link_length: float
 
@@ -44,6 +48,10 @@ class Scenario(ABC):
         threads: int = 1,
     ) -> SimulatedWorld:
         """One simulation for each row: obstacles placed, the rope laid at the given points and settled."""
+
+    @abstractmethod
+    def simulate_unconstrained(self, states: Float[np.ndarray, "batch state"], threads: int = 1) -> SimulatedWorld:
+        """As `simulate`, without any physical constraint: where the dynamics are learned (phase 1)."""
 
     @abstractmethod
     def backdrop(self) -> mujoco.MjModel:

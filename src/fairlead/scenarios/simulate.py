@@ -1,5 +1,8 @@
 """Many simulations of one model, stepped together; a simulation that diverges is found and named, never data."""
 
+# pyright: reportAttributeAccessIssue=false
+# MuJoCo ships no type stubs.
+
 from __future__ import annotations
 
 from abc import abstractmethod
