@@ -1,0 +1,66 @@
+"""What the models learned: metrics, learning curves, and how far a classifier's probabilities can be believed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from fairlead.report.sources import Model
+from fairlead.report.style import MUTED, figure, method_style
+from fairlead.report.tables import Table, metrics_table
+
+Drawn = tuple[Figure, str, bool]
+
+
+def metrics_tables(models: Sequence[Model]) -> list[Table]:
+    """One table a kind of model, with every number that was measured for it."""
+    kinds = dict.fromkeys(model.kind for model in models)
+    return [
+        metrics_table(kind, {model.name: model.scalars for model in models if model.kind == kind}) for kind in kinds
+    ]
+
+
+def learning_curves(models: Sequence[Model]) -> Drawn:
+    """Training loss and validation score of each model, epoch by epoch."""
+    with figure(10.5, 2.5 * -(-len(models) // 3), -(-len(models) // 3), min(3, len(models))) as (canvas, grid):
+        for axes in grid[len(models) :]:
+            axes.remove()
+        for axes, model in zip(grid, models, strict=False):
+            for key, colour in (("loss", MUTED), ("score", "#0072b2")):
+                axes.semilogy([row[key] for row in model.curves], color=colour, label=key, linewidth=1.5)
+            axes.set(title=model.name, xlabel="epoch")
+        grid[0].legend()
+    return (
+        canvas,
+        "Learning curves: training loss, and the validation score by which the kept weights were chosen.",
+        True,
+    )
+
+
+def reliability(models: Sequence[Model]) -> Drawn:
+    """Reliability diagrams: how often transitions were reliable, against the probability that was predicted."""
+    with figure(6.4, 3.9) as (canvas, (axes,)):
+        axes.plot([0, 1], [0, 1], color=MUTED, linewidth=1, linestyle=(0, (4, 3)))
+        for model in models:
+            bins = model.metrics["reliability"]
+            count = np.array(bins["count"])
+            known = count > 0
+            colour, dashes = method_style(model.name)
+            predicted, observed = (np.array(bins[key], float)[known] for key in ("predicted", "observed"))
+            axes.plot(predicted, observed, color=colour, linestyle=dashes, label=model.name)
+            axes.scatter(predicted, observed, s=8 + 160 * count[known] / count.sum(), color=colour, zorder=3)
+        axes.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), xlabel="predicted probability", ylabel="share reliable")
+        axes.legend(loc="upper left")
+    return canvas, "Reliability on test data; the area of a dot is the share of examples. Dashed: perfect.", False
+
+
+def pictures(models: Sequence[Model]) -> list[Drawn]:
+    """Every figure that the models have data for."""
+    drawn = []
+    if judged := [model for model in models if "reliability" in model.metrics]:
+        drawn.append(reliability(judged))
+    if learned := [model for model in models if model.curves]:
+        drawn.append(learning_curves(learned))
+    return drawn

@@ -1,0 +1,118 @@
+"""Finds what a report is about: finished folders of trials, models, datasets and evidence, told apart by manifest."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from fairlead.core.artifacts import MANIFEST, read_json, read_jsonl, read_manifest
+from fairlead.core.errors import ArtifactError
+
+
+@dataclass(frozen=True)
+class TrialSet:
+    """A folder of trials: every method on one set of scenes."""
+
+    folder: Path
+
+    @cached_property
+    def config(self) -> dict[str, Any]:
+        """Scenario, scenes, budget, protocol, methods, seeds."""
+        return read_manifest(self.folder, "trials").config
+
+    @cached_property
+    def rows(self) -> list[dict[str, Any]]:
+        """The trials, sorted."""
+        rows = read_jsonl(self.folder / "trials.jsonl")
+        return sorted(rows, key=lambda row: (row["method"], row["scene"], row["seed"]))
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """The statistics that evaluation wrote."""
+        return read_json(self.folder / "summary.json")
+
+    @cached_property
+    def scenes(self) -> list[dict[str, Any]]:
+        """The scenes that were tried, as a scene file writes them."""
+        return read_json(self.folder / "scenes.json")["scenes"]
+
+    @property
+    def rows_of(self) -> dict[str, list[dict[str, Any]]]:
+        """Method -> its trials, in the order of the summary."""
+        return {name: [row for row in self.rows if row["method"] == name] for name in self.summary["methods"]}
+
+    def trace(self, method: str, scene: str, seed: int) -> Path | None:
+        """The trace of a trial, where one was kept."""
+        folder = self.folder / "traces" / method / f"{scene}-{seed}"
+        return folder if folder.is_dir() else None
+
+
+@dataclass(frozen=True)
+class Model:
+    """A trained model: its metrics and learning curves."""
+
+    folder: Path
+
+    @property
+    def name(self) -> str:
+        """The folder's name."""
+        return self.folder.name
+
+    @cached_property
+    def kind(self) -> str:
+        """What it models: dynamics, full-dynamics, trust or recovery."""
+        return read_manifest(self.folder, "model").config["kind"]
+
+    @property
+    def scalars(self) -> dict[str, float]:
+        """The metrics that are single numbers."""
+        return {key: value for key, value in self.metrics.items() if isinstance(value, int | float)}
+
+    @cached_property
+    def metrics(self) -> dict[str, Any]:
+        """What was measured when it was trained."""
+        return read_json(self.folder / "metrics.json")
+
+    @cached_property
+    def curves(self) -> list[dict[str, float]]:
+        """One row an epoch: stage, epoch, loss, score."""
+        path = self.folder / "curves.csv"
+        if not path.exists():
+            return []
+        return [{key: float(value) for key, value in row.items()} for row in csv.DictReader(path.open())]
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Everything found, each kind in the order of the folders."""
+
+    trials: tuple[TrialSet, ...]
+    models: tuple[Model, ...]
+    datasets: tuple[Path, ...]
+    evidence: tuple[Path, ...]
+
+
+def find_sources(folders: Sequence[Path]) -> Sources:
+    """Look for finished artifacts in the folders and everywhere below.
+
+    Raises:
+        ArtifactError: a folder does not exist, or none holds anything finished.
+    """
+    kinds: dict[str, dict[Path, None]] = {"trials": {}, "model": {}, "dataset": {}, "evidence": {}}
+    for folder in folders:
+        if not folder.is_dir():
+            raise ArtifactError(folder, "no such folder")
+        for path in sorted(folder.rglob(MANIFEST)):
+            kinds.setdefault(str(read_json(path).get("kind")), {})[path.parent] = None
+    if not any(kinds[kind] for kind in ("trials", "model", "dataset", "evidence")):
+        raise ArtifactError(folders[0], f"nothing finished here or below (no {MANIFEST} of trials or models)")
+    return Sources(
+        tuple(map(TrialSet, kinds["trials"])),
+        tuple(map(Model, kinds["model"])),
+        tuple(kinds["dataset"]),
+        tuple(kinds["evidence"]),
+    )

@@ -1,0 +1,147 @@
+"""Tables as data, rendered as Markdown here and as HTML by the page's template."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fairlead.report.paper import RESULTS
+
+Summary = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of texts. The first column names the row; `quiet` rows (the paper's) are shown muted."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ""
+    quiet: frozenset[int] = frozenset()
+
+    def markdown(self) -> str:
+        """The table in GitHub's Markdown, under its title."""
+        align = ["---", *["---:"] * (len(self.columns) - 1)]
+        lines = [self.columns, align, *self.rows]
+        body = "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+        return f"**{self.title}**\n\n{body}\n" + (f"\n{self.note}\n" if self.note else "")
+
+
+def percent(value: float) -> str:
+    """A rate in percent."""
+    return f"{100 * value:.0f} %"
+
+
+def rate(interval: Mapping[str, float]) -> str:
+    """A rate with its interval, in percent."""
+    return f"{percent(interval['value'])} [{100 * interval['low']:.0f}, {100 * interval['high']:.0f}]"
+
+
+def _difference(interval: Mapping[str, float], scale: float, digits: int) -> str:
+    low, value, high = (scale * interval[key] for key in ("low", "value", "high"))
+    return f"{value:+.{digits}f} [{low:+.{digits}f}, {high:+.{digits}f}]"
+
+
+def _p_value(p: float | None) -> str:
+    if p is None:
+        return "-"
+    return "< 0.001" if p < 0.001 else f"{p:.3f}"
+
+
+def _metres(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"
+
+
+def success_table(summary: Summary) -> Table:
+    """Success at the end, after the first plan alone, and after less time."""
+    methods = summary["methods"]
+    times = list(next(iter(methods.values()))["success_at_s"])
+    columns = ("method", "trials", "success", "first plan alone", *(f"at {time} s" for time in times))
+    rows = [
+        (
+            name,
+            str(entry["trials"]),
+            rate(entry["success"]),
+            rate(entry["first_plan_success"]),
+            *(percent(entry["success_at_s"][time]) for time in times),
+        )
+        for name, entry in methods.items()
+    ]
+    note = "Rates with 95 % Wilson intervals. First plan alone: executed open loop, before any re-planning."
+    return Table("Success", columns, tuple(rows), note)
+
+
+def error_table(summary: Summary, scenario: str) -> Table:
+    """The paper's Table 1 (dragging) or Table 2 (dual arm), with the paper's own rows beneath."""
+    rows: list[tuple[str, ...]] = []
+    for name, entry in summary["methods"].items():
+        values = [entry["error_m"][key] for key in ("min", "max", "mean", "median", "sd")]
+        rows.append((name, percent(entry["success"]["value"]), *map(_metres, values)))
+    ours = len(rows)
+    rows += [
+        (f"paper: {paper.name}", percent(paper.success), *map(_metres, paper.error_m))
+        for paper in RESULTS.get(scenario, ())
+    ]
+    columns = ("method", "success", "min [m]", "max [m]", "mean [m]", "median [m]", "SD [m]")
+    note = (
+        "The paper's rows: 180 s a trial, its own simulator, scenes drawn as ours are but not these scenes unless said."
+    )
+    return Table("Final task error", columns, tuple(rows), note, frozenset(range(ours, len(rows))))
+
+
+def comparison_table(summary: Summary) -> Table:
+    """The first method against every other one."""
+    rows = [
+        (
+            f"{item['method']} vs {item['baseline']}",
+            str(item["pairs"]),
+            _difference(item["success_difference"], 100, 0) if item["pairs"] else "-",
+            _p_value(item.get("mcnemar_p")),
+            _difference(item["error_difference_m"], 1, 3) if item["pairs"] else "-",
+            _p_value(item["welch_p"]),
+        )
+        for item in summary["comparisons"]
+    ]
+    columns = ("pair", "trials", "success [points]", "McNemar P", "error [m]", "t-test P")
+    note = (
+        "Differences on the same scenes and seeds, with 95 % intervals from a bootstrap over scenes. McNemar: exact, "
+        "one-sided. t-test: the paper's, one-sided on the final error, unpaired (Welch)."
+    )
+    return Table("Paired comparison", columns, tuple(rows), note)
+
+
+def effort_table(summary: Summary) -> Table:
+    """What a trial of each method took on average, and how often it was stuck."""
+    columns = (
+        "method",
+        "plans",
+        "actions",
+        "extensions",
+        "planning [s]",
+        "execution [s]",
+        "stuck trials",
+        "recoveries",
+    )
+    rows = [
+        (
+            name,
+            f"{entry['mean_plans']:.1f}",
+            f"{entry['mean_actions']:.1f}",
+            f"{entry['mean_extensions']:,.0f}",
+            f"{entry['mean_planning_s']:.2f}",
+            f"{entry['mean_execution_s']:.1f}",
+            f"{entry['stuck_trials']} of {entry['trials']}",
+            str(entry["recovery_actions"]),
+        )
+        for name, entry in summary["methods"].items()
+    ]
+    return Table("Effort", columns, tuple(rows), "Means over trials; stuck trials and recoveries are counts.")
+
+
+def metrics_table(title: str, metrics: Mapping[str, Mapping[str, float]], order: Sequence[str] = ()) -> Table:
+    """Numbers of several models, one row a model; `order` names the columns to show, else all that any model has."""
+    keys = list(order) or sorted({key for values in metrics.values() for key in values})
+    rows = [(name, *(f"{v[key]:.4g}" if key in v else "-" for key in keys)) for name, v in metrics.items()]
+    return Table(title, ("model", *(key.replace("_", " ") for key in keys)), tuple(rows))
