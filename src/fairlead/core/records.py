@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from fairlead.core.errors import UnknownNameError
 from fairlead.core.layout import StateLayout
 
 if TYPE_CHECKING:
@@ -24,9 +25,12 @@ class Explained(Enum):
         self.sentence = sentence
 
     @classmethod
-    def of(cls, label: str) -> Explained:
-        """The member with that label."""
-        return next(member for member in cls if member.label == label)
+    def of(cls, label: str) -> Self:
+        """The member with that label; UnknownNameError if there is none."""
+        for member in cls:
+            if member.label == label:
+                return member
+        raise UnknownNameError(cls.__name__.lower(), label, [member.label for member in cls])
 
 
 class ActionOutcome(Explained):
