@@ -26,7 +26,7 @@ from fairlead.data.shards import Shard, split_of
 from fairlead.data.store import Obstacles
 from fairlead.scenarios.scenario import Scenario
 
-PAPER_STEPS = {1: 10, 2: 50}
+PAPER_STEPS, PAPER_TRAJECTORIES = {1: 10, 2: 50}, {1: 6144, 2: 2048}
 _REACHED = tuple(ActionOutcome).index(ActionOutcome.TARGET)
 
 
@@ -102,7 +102,10 @@ def collect(
     for index in range(len(recording), -(-config.trajectories // lanes)):
         began, count = clock(), min(lanes, config.trajectories - index * lanes)
         starts = _starts(scenario, config, index, count, previous, recording.scenes)
-        world = scenario.simulate([starts.scenes[i] for i in starts.scene], starts.states, threads)
+        if config.phase == 1:
+            world = scenario.simulate_unconstrained(starts.states, threads)
+        else:
+            world = scenario.simulate([starts.scenes[i] for i in starts.scene], starts.states, threads)
         previous, diverged = _record(scenario, config.seed, index, starts.scene, world, resolved, advance)
         new = starts.scenes[len(recording.scenes) :]
         recording.append(previous, new, diverged=diverged, simulation_steps=world.steps, wall_s=clock() - began)
@@ -156,7 +159,8 @@ def _record(
     The displacement repeats with the sampler's probability, but never after an action that was blocked: repeating it
     would be blocked again, which teaches little.
     """
-    sampler, lanes = scenario.sampler, np.arange(len(scene))
+    sampler = scenario.unconstrained_sampler if config["phase"] == 1 else scenario.sampler
+    lanes = np.arange(len(scene))
     streams = [stream(seed, "actions", config["phase"], int(lane), index) for lane in lanes]
     displacement = np.zeros((len(lanes), len(scenario.layout.grippers), 3))
     keep = np.zeros(len(lanes), bool)
