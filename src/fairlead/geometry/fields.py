@@ -75,7 +75,8 @@ class BoxEnvironment(Environment):
     @cached_property
     def _table(self) -> tuple[np.ndarray, np.ndarray]:
         centres, origin = cell_centres(self._bounds, self._resolution)
-        return distance_table(self.signed_distance(centres), self._resolution), origin
+        # Without any box distances are infinite, and their differences not numbers.
+        return distance_table(np.minimum(self.signed_distance(centres), 1e3), self._resolution), origin
 
     def signed_distance(self, points: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
         return box_distance(self.boxes, points)

@@ -55,7 +55,8 @@ class VoxelGrid:
         self, layout: StateLayout, states: Float[np.ndarray, "batch state"], origin: Float[np.ndarray, " 3"]
     ) -> Int[np.ndarray, "batch 3"]:
         """Index, in the environment's cells, of the first cell of each local grid."""
-        centre = np.rint((local_origin(layout, states) - origin) / self.resolution).astype(np.intp)
+        cell = np.nan_to_num((local_origin(layout, states) - origin) / self.resolution)
+        centre = np.rint(np.clip(cell, -1e6, 1e6)).astype(np.intp)
         return centre - np.array(self.shape) // 2
 
     def draw(

@@ -106,7 +106,7 @@ class LearnedDynamics(Dynamics):
 
     def predict(
         self,
-        environment: Environment,  # noqa: ARG002 (unconstrained: that is the point)
+        environment: Environment,
         states: Float[np.ndarray, "batch state"],
         actions: Float[np.ndarray, "batch action"],
     ) -> Prediction:

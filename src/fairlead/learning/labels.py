@@ -1,0 +1,160 @@
+"""From trajectories among obstacles to labelled transitions: where was the model right? (paper, Fig. 3)
+
+Two rules, and a count of each:
+
+`figure`  as in Fig. 3 and as the authors ran it: a rollout restarts at every state of a trajectory and runs up to 20
+          steps; each of its transitions whose start states are close, d(s_hat^t, s^t) < delta, is an example.
+`text`    as the text says: one rollout from the start of each trajectory; what follows the first label 0 is dropped.
+
+The label is d(s_hat^{t+1}, s^{t+1}) < delta in both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32, Int
+
+from fairlead.core.errors import FairleadError, UnknownNameError
+from fairlead.core.layout import StateLayout
+from fairlead.core.records import Trajectories, Transitions
+from fairlead.core.roles import Dynamics, Environment
+from fairlead.geometry.distance import model_error
+from fairlead.learning.rollout import roll_out
+
+RULES = ("figure", "text")
+FIGURE_STEPS = 20
+
+
+@dataclass(frozen=True)
+class Examples:
+    """Labelled predicted transitions, and where each comes from.
+
+    labels[n] is True where the prediction was reliable; error is d(s_hat^{t+1}, s^{t+1}) [m]. scene[n] indexes
+    `environments`. source[n] is (trajectory, step at which its rollout started, step of its start state).
+    """
+
+    layout: StateLayout
+    environments: Sequence[Environment]
+    transitions: Transitions
+    labels: Bool[np.ndarray, " example"]
+    error: Float[np.ndarray, " example"]
+    scene: Int[np.ndarray, " example"]
+    source: Int[np.ndarray, "example 3"]
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    def take(self, rows: Int[np.ndarray, " row"]) -> Self:
+        """Some of the examples."""
+        t = self.transitions
+        chosen = Transitions(t.states[rows], t.actions[rows], t.next_states[rows], t.spread[rows])
+        arrays = (self.labels[rows], self.error[rows], self.scene[rows], self.source[rows])
+        return type(self)(self.layout, self.environments, chosen, *arrays)
+
+    def by_scene(self) -> Iterator[tuple[Environment, Int[np.ndarray, " row"]]]:
+        """Each environment with the rows of its examples."""
+        for scene in np.unique(self.scene):
+            yield self.environments[scene], np.flatnonzero(self.scene == scene)
+
+
+def label(
+    dynamics: Dynamics,
+    data: Trajectories,
+    delta: float,
+    rule: str = "figure",
+    limit: int | None = None,
+    rng: np.random.Generator | None = None,
+) -> Examples:
+    """The examples of `data` under the mean predictions of `dynamics`; with `limit`, a uniform sample of so many.
+
+    Raises:
+        UnknownNameError: a rule that is not in `RULES`.
+        FairleadError: a limit without `rng` to sample with.
+    """
+    if rule not in RULES:
+        raise UnknownNameError("labelling rule", rule, RULES)
+    if limit is not None and rng is None:
+        raise FairleadError("a limit on examples needs a random stream to choose them with")
+    parts: list[list[np.ndarray]] = []
+    for scene in np.unique(data.scene):
+        rows = np.flatnonzero(data.scene == scene)
+        environment = data.environments[scene]
+        found = (_figure if rule == "figure" else _text)(dynamics, environment, data, rows, delta)
+        parts.append([*found, np.full(len(found[0]), scene)])
+    states, actions, next_states, spread, error, source, scenes = (
+        np.concatenate(column) for column in zip(*parts, strict=True)
+    )
+    transitions = Transitions(states, actions, next_states, spread)
+    examples = Examples(data.layout, data.environments, transitions, error < delta, error, scenes, source)
+    if limit is None or rng is None or len(examples) <= limit:
+        return examples
+    return examples.take(np.sort(rng.choice(len(examples), limit, replace=False)))
+
+
+_Found = tuple[Float32[np.ndarray, "example _"], ...]
+
+
+def _figure(
+    dynamics: Dynamics, environment: Environment, data: Trajectories, rows: Int[np.ndarray, " row"], delta: float
+) -> _Found:
+    """Rollouts from every state; each transition whose start states are close."""
+    length = data.actions.shape[1]
+    steps = min(FIGURE_STEPS, length)
+    # Rollouts that would run past the end repeat the last action; those steps are not examples.
+    begin = np.arange(length)
+    at = np.minimum(begin[:, None] + np.arange(steps), length - 1)
+    actions = data.actions[rows][:, at].reshape(-1, steps, data.actions.shape[2])
+    predicted, spread = roll_out(dynamics, environment, data.states[rows][:, begin].reshape(len(actions), -1), actions)
+    actual_at = np.minimum(begin[:, None] + np.arange(steps + 1), length)
+    actual = data.states[rows][:, actual_at].reshape(predicted.shape)
+    error = model_error(data.layout, predicted, actual)
+    recorded = np.tile(begin[:, None] + np.arange(steps) < length, (len(rows), 1))
+    kept = recorded & (error[:, :-1] < delta)
+    rollout, step = np.nonzero(kept)
+    first = np.tile(begin, len(rows))[rollout]
+    source = np.stack([rows[rollout // length], first, first + step], axis=1)
+    return _gather(predicted, actions, spread, error, rollout, step, source)
+
+
+def _text(
+    dynamics: Dynamics, environment: Environment, data: Trajectories, rows: Int[np.ndarray, " row"], delta: float
+) -> _Found:
+    """One rollout from each start; everything up to and including the first label 0."""
+    predicted, spread = roll_out(dynamics, environment, data.states[rows, 0], data.actions[rows])
+    error = model_error(data.layout, predicted, data.states[rows])
+    good_so_far = np.logical_and.accumulate(error[:, :-1] < delta, axis=1)
+    rollout, step = np.nonzero(good_so_far)
+    source = np.stack([rows[rollout], np.zeros_like(step), step], axis=1)
+    return _gather(predicted, data.actions[rows], spread, error, rollout, step, source)
+
+
+def _gather(
+    predicted: Float32[np.ndarray, "rollout steps_and_one state"],
+    actions: Float[np.ndarray, "rollout steps action"],
+    spread: Float32[np.ndarray, "rollout steps"],
+    error: Float[np.ndarray, "rollout steps_and_one"],
+    rollout: Int[np.ndarray, " example"],
+    step: Int[np.ndarray, " example"],
+    source: Int[np.ndarray, "example 3"],
+) -> _Found:
+    return (
+        predicted[rollout, step],
+        actions[rollout, step].astype(np.float32),
+        predicted[rollout, step + 1],
+        spread[rollout, step],
+        error[rollout, step + 1].astype(np.float32),
+        source,
+    )
+
+
+def label_counts(dynamics: Dynamics, data: Trajectories, delta: float) -> dict[str, Any]:
+    """Number of examples and share of label 1 by each rule."""
+    counts: dict[str, Any] = {}
+    for rule in RULES:
+        labels = label(dynamics, data, delta, rule).labels
+        counts[rule] = {"examples": len(labels), "reliable": float(labels.mean())}
+    return counts

@@ -1,0 +1,151 @@
+"""The trust classifier: trained on labelled transitions, then one of the roles (paper, "Learning the classifier")."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, final
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+
+from fairlead.core.errors import FairleadError, UnknownNameError
+from fairlead.core.layout import StateLayout
+from fairlead.core.records import Transitions
+from fairlead.core.roles import Dynamics, Environment, TransitionCheck
+from fairlead.core.streams import stream, stream_seed
+from fairlead.geometry.voxels import VoxelGrid
+from fairlead.learning.fit import Stage, Task, fit
+from fairlead.learning.labels import Examples, label, label_counts
+from fairlead.learning.metrics import balanced_log_loss, classification
+from fairlead.learning.model_files import Job, ModelFile, save_model
+from fairlead.learning.rollout import Splits
+from fairlead.learning.trust_network import Inputs, TrustConfig, TrustNetwork
+from fairlead.learning.trust_sdf import SdfTrust
+from fairlead.learning.trust_voxel import VoxelTrust
+
+NETWORKS: dict[str, Callable[[StateLayout, TrustConfig], TrustNetwork]] = {"sdf": SdfTrust, "voxel": VoxelTrust}
+_ROWS = 512
+
+
+def build_network(layout: StateLayout, config: TrustConfig, seed: int) -> TrustNetwork:
+    """A network with weights derived from `seed`, in evaluation mode."""
+    if config.network not in NETWORKS:
+        raise UnknownNameError("trust network", config.network, NETWORKS)
+    with torch.random.fork_rng(devices=[]):  # torch's layers draw from the global generator: put it back afterwards
+        torch.manual_seed(stream_seed(seed, "trust", "weights"))
+        return NETWORKS[config.network](layout, config).eval()
+
+
+@final
+class LearnedCheck(TransitionCheck):
+    """A trained classifier as the role that planning asks."""
+
+    def __init__(self, network: TrustNetwork) -> None:
+        self.network = network
+
+    def encode(
+        self, environment: Environment, states: Float[np.ndarray, "batch state"]
+    ) -> Float[np.ndarray, "batch feature"]:
+        with torch.inference_mode():
+            return self.network.encode(environment, states)
+
+    def probability(
+        self,
+        environment: Environment,
+        transitions: Transitions,
+        encodings: Float[np.ndarray, "batch feature"],
+        next_encodings: Float[np.ndarray, "batch feature"],
+    ) -> Float[np.ndarray, " batch"]:
+        with torch.inference_mode():
+            return torch.sigmoid(self.network.judge(transitions, encodings, next_encodings)).numpy()
+
+
+@final
+class TrustTask(Task):
+    """Binary cross-entropy on balanced minibatches; the score is the balanced cross-entropy on validation."""
+
+    def __init__(self, module: TrustNetwork, train: Examples, validation: Examples) -> None:
+        self.module: nn.Module = module
+        self._network, self._labels, self._held_out = module, train.labels, validation.labels
+        self._train_inputs, self._validation_inputs = module.prepare(train), module.prepare(validation)
+        if train.labels.all() or not train.labels.any():
+            only = "reliable" if train.labels.all() else "unreliable"
+            raise FairleadError(f"every training example is {only}: the check has nothing to learn; collect more data")
+        module.standardise(self._train_inputs, len(train))
+
+    def order(self, stage: Stage, rng: np.random.Generator) -> Sequence[Int[np.ndarray, " row"]]:
+        """Half of each minibatch is reliable and half is not: the rarer class is oversampled."""
+        return balanced_order(self._labels, stage.batch, rng)
+
+    def loss(self, stage: Stage, indices: Int[np.ndarray, " row"], rng: np.random.Generator) -> Tensor:
+        inputs = self._network.augment(self._train_inputs(indices), rng)
+        target = torch.from_numpy(self._labels[indices].astype(np.float32))
+        return nn.functional.binary_cross_entropy_with_logits(self._network(*inputs), target)
+
+    def score(self) -> float:
+        found = probabilities(self._network, self._validation_inputs, len(self._held_out))
+        return balanced_log_loss(found, self._held_out)
+
+
+def balanced_order(
+    labels: Float[np.ndarray, " example"], batch: int, rng: np.random.Generator
+) -> Sequence[Int[np.ndarray, " row"]]:
+    """Minibatches of one pass over the commoner class, each with as many examples of the rarer one."""
+    classes = [rng.permutation(np.flatnonzero(labels == value)) for value in (False, True)]
+    longest = max(map(len, classes))
+    columns = [np.concatenate([rows, rng.choice(rows, longest - len(rows))]) for rows in classes]
+    return np.array_split(np.stack(columns, axis=1).reshape(-1), max(1, 2 * longest // batch))
+
+
+def probabilities(network: TrustNetwork, inputs: Inputs, count: int) -> Float[np.ndarray, " example"]:
+    """What the network says of each of `count` examples."""
+    with torch.inference_mode():
+        rows = np.array_split(np.arange(count), max(1, count // _ROWS))
+        return torch.sigmoid(torch.cat([network(*inputs(chunk)) for chunk in rows])).numpy()
+
+
+def trust_examples(
+    dynamics: Dynamics, data: Splits, delta: float, config: TrustConfig, seed: int
+) -> dict[str, Examples]:
+    """Labelled transitions of each split, no more than the configured number."""
+    limits = {"train": config.limit, "validation": -(-config.limit // 4), "test": -(-config.limit // 4)}
+    return {
+        name: label(dynamics, getattr(data, name), delta, config.rule, limit, stream(seed, "examples", name))
+        for name, limit in limits.items()
+    }
+
+
+def train_trust(dynamics: Dynamics, data: Splits, delta: float, config: TrustConfig, job: Job) -> LearnedCheck:
+    """Label the data with the predictions of `dynamics` at `delta` [m], train a classifier and save it."""
+    started = time.monotonic()
+    examples = trust_examples(dynamics, data, delta, config, job.seed)
+    network = build_network(data.layout, config, job.seed)
+    task = TrustTask(network, examples["train"], examples["validation"])
+    key, title = job.key(f"trust at {delta!r}", config), f"trust ({config.network})"
+    fit(task, config.stages, job.seed, job.folder, key=key, patience=config.patience, title=title)
+    metrics: dict[str, Any] = {"delta_m": delta, "rule": config.rule}
+    for name, found in examples.items():
+        metrics[name] = classification(probabilities(network, network.prepare(found), len(found)), found.labels)
+    metrics.update({f"test_{name}": metrics["test"][name] for name in ("accuracy", "precision", "recall", "auroc")})
+    metrics["rules"] = label_counts(dynamics, data.train, delta)
+    save_model(
+        job, "trust", config.network, data.layout, config, network.state_dict(), metrics, time.monotonic() - started
+    )
+    return LearnedCheck(network)
+
+
+def trust_config_from(values: dict[str, Any]) -> TrustConfig:
+    """A configuration read from JSON."""
+    stages = tuple(Stage(**stage) for stage in values["stages"])
+    grid = VoxelGrid(**{**values["grid"], "shape": tuple(values["grid"]["shape"])})
+    return TrustConfig(**{**values, "stages": stages, "grid": grid})
+
+
+def check_from(model: ModelFile) -> LearnedCheck:
+    """The check of a model that was read."""
+    network = build_network(model.layout, trust_config_from(model.config), 0)
+    model.load_into(network)
+    return LearnedCheck(network)

@@ -1,0 +1,96 @@
+"""What every trust classifier is: a network, what it needs of a state, and how it judges a transition."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Float32, Int
+from torch import Tensor, nn
+
+from fairlead.core.errors import FairleadError, UnknownNameError
+from fairlead.core.records import Transitions
+from fairlead.core.roles import Environment
+from fairlead.geometry.voxels import VoxelGrid
+from fairlead.learning.fit import Stage
+from fairlead.learning.labels import RULES, Examples
+
+Inputs = Callable[[Int[np.ndarray, " row"]], tuple[Tensor, ...]]
+
+PAPER_GRID = VoxelGrid((100, 100, 4), 0.01)
+COARSE_GRID = VoxelGrid((50, 50, 1), 0.02)
+
+
+@dataclass(frozen=True)
+class TrustConfig:
+    """How a trust classifier is built and trained.
+
+    Args:
+        network: `sdf` or `voxel`.
+        planar: motion in a horizontal plane: `sdf` turns its frame with the action and mirrors half of the examples,
+            `voxel` convolves each layer of cells by itself (3 x 3 x 1).
+        hidden: hidden units.
+        grid: the voxels (`voxel` only); the paper's for dragging is `PAPER_GRID`, the coarse one is fast on a CPU.
+        rule: a name in `labels.RULES`.
+        limit: most training examples; a uniform sample beyond it. Validation and test have a quarter of it each.
+        stages: minibatches are half reliable, half not.
+        patience: epochs without improvement after which a stage ends.
+    """
+
+    network: str = "sdf"
+    planar: bool = True
+    hidden: int = 256
+    grid: VoxelGrid = COARSE_GRID
+    rule: str = "figure"
+    limit: int = 200_000
+    stages: tuple[Stage, ...] = (Stage(20, 256, 1e-3),)
+    patience: int = 6
+
+    def __post_init__(self) -> None:
+        if self.rule not in RULES:
+            raise UnknownNameError("labelling rule", self.rule, RULES)
+        if min(self.hidden, self.limit, len(self.stages)) < 1:
+            raise FairleadError("trust: hidden, limit and the number of stages must be positive")
+
+
+class TrustNetwork(nn.Module, ABC):
+    """A classifier of transitions. In training it sees `forward` alone, in planning `encode` and `judge`."""
+
+    @abstractmethod
+    def prepare(self, examples: Examples) -> Inputs:
+        """How to get the inputs of `forward` for chosen rows of `examples`."""
+
+    @abstractmethod
+    def standardise(self, inputs: Inputs, count: int) -> None:
+        """Learn scales from `count` training examples, before training begins."""
+
+    @abstractmethod
+    def augment(self, inputs: tuple[Tensor, ...], rng: np.random.Generator) -> tuple[Tensor, ...]:
+        """Inputs changed in a way that leaves the label as it is."""
+
+    @abstractmethod
+    def forward(self, *inputs: Tensor) -> Float[Tensor, " batch"]:
+        """The logit of each transition."""
+
+    @abstractmethod
+    def encode(
+        self, environment: Environment, states: Float[np.ndarray, "batch state"]
+    ) -> Float32[np.ndarray, "batch feature"]:
+        """As `TransitionCheck.encode`."""
+
+    @abstractmethod
+    def judge(
+        self,
+        transitions: Transitions,
+        encodings: Float32[np.ndarray, "batch feature"],
+        next_encodings: Float32[np.ndarray, "batch feature"],
+    ) -> Float[Tensor, " batch"]:
+        """The logit of each transition, from encodings."""
+
+    @abstractmethod
+    def frozen(
+        self, environment: Environment, states: Float[np.ndarray, "batch state"]
+    ) -> Float32[np.ndarray, "batch frozen"]:
+        """The features of a state that recovery takes over as they are."""

@@ -1,0 +1,153 @@
+"""The paper's classifier: voxels, three convolutions, and an LSTM over the two states (paper, Fig. 4B)."""
+
+from __future__ import annotations
+
+import math
+from typing import final
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float32
+from torch import Tensor, nn
+
+from fairlead.core.errors import FairleadError
+from fairlead.core.layout import StateLayout
+from fairlead.core.records import Transitions
+from fairlead.core.roles import Environment
+from fairlead.geometry.frames import local_origin
+from fairlead.geometry.voxels import Occupancy, VoxelGrid
+from fairlead.learning.labels import Examples
+from fairlead.learning.trust_network import Inputs, TrustConfig, TrustNetwork
+
+FILTERS = 26
+LAYERS = 3
+
+
+@final
+class VoxelEncoder(nn.Module):
+    """Three times a convolution (valid), ReLU and max-pooling, then flattened.
+
+    A planar encoder's kernels are 3 x 3 x 1 and its pools 2 x 2 x 1: each layer of cells by itself, so layers are
+    folded into the batch of a two-dimensional convolution.
+    """
+
+    def __init__(self, channels: int, grid: VoxelGrid, planar: bool) -> None:
+        super().__init__()
+        self.grid, self.planar = grid, planar
+        convolution, pool = (nn.Conv2d, nn.MaxPool2d) if planar else (nn.Conv3d, nn.MaxPool3d)
+        layers: list[nn.Module] = []
+        for layer in range(LAYERS):
+            layers += [convolution(FILTERS if layer else channels, FILTERS, 3), nn.ReLU(), pool(2)]
+        self.layers = nn.Sequential(*layers)
+        sizes = [self._left(cells) for cells in (grid.shape[:2] if planar else grid.shape)]
+        if min(sizes) < 1:
+            raise FairleadError(f"a voxel grid of {grid.shape} cells is too small for {LAYERS} convolutions")
+        self.size = FILTERS * math.prod(sizes) * (grid.shape[2] if planar else 1)
+
+    @staticmethod
+    def _left(cells: int) -> int:
+        for _ in range(LAYERS):
+            cells = (cells - 2) // 2
+        return cells
+
+    def forward(self, voxels: Float[Tensor, "batch channel nx ny nz"]) -> Float[Tensor, "batch feature"]:
+        """Features of each grid."""
+        if not self.planar:
+            return self.layers(voxels).flatten(1)
+        folded = voxels.permute(0, 4, 1, 2, 3).flatten(0, 1).contiguous(memory_format=torch.channels_last)
+        return self.layers(folded).reshape(len(voxels), -1)
+
+
+@final
+class VoxelTrust(TrustNetwork):
+    """[features, world state, local state, local action, spread] -> BatchNorm -> Dense -> LSTM -> logit.
+
+    Both states go through the same layers with the action in their own frame; the logit after the second is used.
+    BatchNorm and Dense are linear in planning, so an encoding holds all that Dense makes of a state, and the action and
+    the spread are added when a transition is judged.
+    """
+
+    def __init__(self, layout: StateLayout, config: TrustConfig) -> None:
+        super().__init__()
+        self.layout, self.grid = layout, config.grid
+        self.encoder = VoxelEncoder(config.grid.channels(layout), config.grid, config.planar)
+        self._of_state = self.encoder.size + 2 * layout.state_size
+        self.norm = nn.BatchNorm1d(self._of_state + layout.action_size + 1)
+        self.dense = nn.Linear(self.norm.num_features, config.hidden)
+        self.lstm = nn.LSTM(config.hidden, config.hidden)
+        self.out = nn.Linear(config.hidden, 1)
+
+    def forward(self, *inputs: Tensor) -> Float[Tensor, " batch"]:
+        voxels, states, extra = inputs
+        batch = voxels.shape[1]
+        features = self.encoder(voxels.flatten(0, 1))
+        seen = torch.cat([features, states.flatten(0, 1), extra.flatten(0, 1)], dim=1)
+        return self._recur(self.dense(self.norm(seen)).view(2, batch, -1))
+
+    def _recur(self, dense: Float[Tensor, "2 batch hidden"]) -> Float[Tensor, " batch"]:
+        return self.out(self.lstm(torch.relu(dense))[0][1]).squeeze(-1)
+
+    def prepare(self, examples: Examples) -> Inputs:
+        occupancy = Occupancy.of(examples.environments, self.grid.resolution)
+
+        def inputs(rows: np.ndarray) -> tuple[Tensor, ...]:
+            t, scene = examples.take(rows).transitions, examples.scene[rows]
+            drawn = np.stack([self.grid.draw(self.layout, occupancy, scene, s) for s in (t.states, t.next_states)])
+            states = torch.stack([self._vectors(t.states), self._vectors(t.next_states)])
+            return torch.from_numpy(drawn), states, self._extra(t)
+
+        return inputs
+
+    def standardise(self, inputs: Inputs, count: int) -> None:
+        """Nothing to do: BatchNorm."""
+
+    def augment(self, inputs: tuple[Tensor, ...], rng: np.random.Generator) -> tuple[Tensor, ...]:
+        return inputs
+
+    def frozen(
+        self, environment: Environment, states: Float[np.ndarray, "batch state"]
+    ) -> Float32[np.ndarray, "batch frozen"]:
+        return self._look(environment, states).numpy()
+
+    def encode(
+        self, environment: Environment, states: Float[np.ndarray, "batch state"]
+    ) -> Float32[np.ndarray, "batch feature"]:
+        weight, bias = self._folded()
+        seen = torch.cat([self._look(environment, states), self._vectors(states)], dim=1)
+        return torch.addmm(bias, seen, weight[:, : self._of_state].T).numpy()
+
+    def judge(
+        self,
+        transitions: Transitions,
+        encodings: Float32[np.ndarray, "batch feature"],
+        next_encodings: Float32[np.ndarray, "batch feature"],
+    ) -> Float[Tensor, " batch"]:
+        weight, _ = self._folded()
+        encoded = torch.from_numpy(np.stack([encodings, next_encodings]))
+        return self._recur(encoded + self._extra(transitions) @ weight[:, self._of_state :].T)
+
+    def _look(self, environment: Environment, states: Float[np.ndarray, "batch state"]) -> Float[Tensor, "batch f"]:
+        occupancy = Occupancy.of([environment], self.grid.resolution)
+        drawn = self.grid.draw(self.layout, occupancy, np.zeros(len(states), np.intp), states)
+        return self.encoder(torch.from_numpy(drawn))
+
+    def _vectors(self, states: Float[np.ndarray, "batch state"]) -> Float[Tensor, "batch vector"]:
+        """World-frame and local state."""
+        local = states - np.tile(local_origin(self.layout, states), self.layout.state_size // 3)
+        return torch.from_numpy(np.concatenate([states, local], axis=1, dtype=np.float32))
+
+    def _extra(self, t: Transitions) -> Float[Tensor, "2 batch extra"]:
+        """The action in the local frame of each of the two states, and the spread of the prediction."""
+        grippers = len(self.layout.grippers)
+        local = [t.actions - np.tile(local_origin(self.layout, s), grippers) for s in (t.states, t.next_states)]
+        both = [np.concatenate([a, t.spread[:, None]], axis=1, dtype=np.float32) for a in local]
+        return torch.from_numpy(np.stack(both))
+
+    def _folded(self) -> tuple[Float[Tensor, "hidden input"], Float[Tensor, " hidden"]]:
+        """Dense(BatchNorm(x)) = W' x + b' with the running statistics."""
+        norm = self.norm
+        assert norm.running_var is not None
+        assert norm.running_mean is not None
+        scale = norm.weight * torch.rsqrt(norm.running_var + norm.eps)
+        shift = norm.bias - norm.running_mean * scale
+        return self.dense.weight * scale, self.dense.bias + self.dense.weight @ shift

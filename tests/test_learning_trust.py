@@ -1,0 +1,151 @@
+"""Laws of the trust classifiers, the same for every network."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from fairlead.core.contracts import check_transition_check
+from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
+from fairlead.core.layout import StateLayout
+from fairlead.geometry.voxels import VoxelGrid
+from fairlead.learning.fit import Stage
+from fairlead.learning.labels import label
+from fairlead.learning.model_files import Job
+from fairlead.learning.registry import load_check
+from fairlead.learning.trust import LearnedCheck, balanced_order, build_network, probabilities, train_trust
+from fairlead.learning.trust_network import PAPER_GRID, TrustConfig
+from fairlead.learning.trust_voxel import VoxelEncoder
+from rope_data import LAYOUT, splits
+from test_labels import DELTA, FollowDynamics
+
+DYNAMICS = FollowDynamics(0.002)
+DATA = splits(60, 8, 8)
+CONFIGS = {
+    "sdf": TrustConfig("sdf", hidden=32, stages=(Stage(10, 64, 3e-3),)),
+    "sdf-3d": TrustConfig("sdf", planar=False, hidden=16),
+    "voxel": TrustConfig(
+        "voxel", hidden=16, grid=VoxelGrid((24, 24, 1), 0.04), stages=(Stage(3, 32, 2e-3),), limit=400
+    ),
+    "voxel-3d": TrustConfig("voxel", planar=False, hidden=8, grid=VoxelGrid((22, 22, 22), 0.04)),
+}
+
+
+def shaken(config: TrustConfig) -> LearnedCheck:
+    """An untrained check whose normalisation is not the identity."""
+    network = build_network(LAYOUT, config, 0)
+    generator = torch.Generator().manual_seed(0)
+    for name, value in network.state_dict().items():
+        if name.endswith(("mean", "scale", "running_var", "norm.weight", "norm.bias")):
+            value.copy_(0.5 + torch.rand(value.shape, generator=generator))
+    return LearnedCheck(network)
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_contract_and_planning_agree_with_training(name: str) -> None:
+    check = shaken(CONFIGS[name])
+    examples = label(DYNAMICS, DATA.test, DELTA)
+    environment, rows = next(examples.by_scene())
+    chosen = examples.take(rows[:6])
+    check_transition_check(check, environment, chosen.transitions)
+    t = chosen.transitions
+    encodings = check.encode(environment, t.states), check.encode(environment, t.next_states)
+    in_planning = check.probability(environment, t, *encodings)
+    in_training = probabilities(check.network, check.network.prepare(chosen), len(chosen))
+    np.testing.assert_allclose(in_planning, in_training, atol=1e-5)
+    assert np.ptp(in_planning) > 1e-4
+
+
+@pytest.mark.parametrize("name", ["sdf", "voxel"])
+def test_not_a_number_is_not_accepted(name: str) -> None:
+    check = shaken(CONFIGS[name])
+    examples = label(DYNAMICS, DATA.test, DELTA)
+    environment, rows = next(examples.by_scene())
+    t = examples.take(rows[:3]).transitions
+    t.next_states[1] = np.nan
+    found = check.probability(
+        environment, t, check.encode(environment, t.states), check.encode(environment, t.next_states)
+    )
+    assert not found[1] > 0.5
+    assert np.isfinite(found[[0, 2]]).all()
+
+
+def test_mirroring_an_example_mirrors_its_features() -> None:
+    network = build_network(LAYOUT, CONFIGS["sdf"], 0)
+    examples = label(DYNAMICS, DATA.test, DELTA)
+    environment, rows = next(examples.by_scene())
+    t = examples.take(rows[:20]).transitions
+
+    def mirrored(x: np.ndarray) -> np.ndarray:
+        return (x.reshape(len(x), -1, 3) * [1, -1, 1]).reshape(x.shape).astype(x.dtype)
+
+    def mirrored_field(x: np.ndarray) -> np.ndarray:
+        return (x.reshape(len(x), -1, 4) * [1, 1, -1, 1]).reshape(x.shape).astype(x.dtype)
+
+    fields = network.encode(environment, t.states), network.encode(environment, t.next_states)
+    other = replace(t, states=mirrored(t.states), actions=mirrored(t.actions), next_states=mirrored(t.next_states))
+    straight = network._features(t, *fields)
+    reflected = network._features(other, *map(mirrored_field, fields))
+    (flipped,) = network.augment((torch.from_numpy(straight),), np.random.default_rng(0))
+    was_flipped = np.abs(flipped.numpy() - straight).max(1) > 1e-6
+    assert was_flipped.any()
+    assert not was_flipped.all()
+    np.testing.assert_allclose(flipped.numpy()[was_flipped], reflected[was_flipped], atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["sdf", "voxel"])
+def test_training_separates_saves_and_loads(name: str, tmp_path: Path) -> None:
+    check = train_trust(DYNAMICS, DATA, DELTA, CONFIGS[name], Job(tmp_path, "toy", seed=2))
+    metrics = json.loads((tmp_path / "metrics.json").read_text())
+    assert metrics["train"]["auroc"] > 0.8
+    assert metrics["delta_m"] == DELTA
+    assert set(metrics["rules"]) == {"figure", "text"}
+    loaded = load_check(tmp_path, "toy")
+    examples = label(DYNAMICS, DATA.test, DELTA)
+    environment, rows = next(examples.by_scene())
+    states = examples.take(rows[:5]).transitions.states
+    assert (loaded.encode(environment, states) == check.encode(environment, states)).all()
+    with pytest.raises(ArtifactError, match="scenario 'toy'"):
+        load_check(tmp_path, "dual_arm")
+
+
+def test_minibatches_are_balanced_and_use_every_example() -> None:
+    labels = np.random.default_rng(0).random(1000) < 0.85
+    batches = balanced_order(labels, 50, np.random.default_rng(1))
+    assert all(abs(labels[rows].mean() - 0.5) < 0.03 for rows in batches)
+    assert set(np.concatenate(batches)) == set(range(1000))
+
+
+def test_paper_encoder_has_the_papers_size() -> None:
+    dragging = VoxelEncoder(3, PAPER_GRID, planar=True)
+    assert dragging.size == 4 * 26 * 10 * 10
+    assert VoxelEncoder(4, VoxelGrid((40, 40, 40), 0.02), planar=False).size == 26 * 3**3
+
+
+def test_layers_of_a_planar_grid_are_a_convolution_of_3_by_3_by_1() -> None:
+    encoder = VoxelEncoder(3, VoxelGrid((22, 22, 2), 0.01), planar=True)
+    voxels = torch.rand(2, 3, 22, 22, 2, generator=torch.Generator().manual_seed(0))
+    expected = voxels
+    for layer in encoder.layers:
+        if isinstance(layer, torch.nn.Conv2d):
+            expected = torch.nn.functional.conv3d(expected, layer.weight[..., None], layer.bias).relu()
+            expected = torch.nn.functional.max_pool3d(expected, (2, 2, 1))
+    expected = expected.permute(0, 4, 1, 2, 3).flatten(1)
+    torch.testing.assert_close(encoder(voxels), expected, atol=1e-5, rtol=1e-4)
+
+
+def test_mistakes_have_names() -> None:
+    with pytest.raises(UnknownNameError, match="trust network 'voxels'"):
+        build_network(StateLayout(("g",), 2), TrustConfig("voxels"), 0)
+    with pytest.raises(UnknownNameError, match="labelling rule"):
+        TrustConfig(rule="fig")
+    with pytest.raises(FairleadError, match="too small"):
+        build_network(LAYOUT, TrustConfig("voxel", grid=VoxelGrid((10, 10, 1), 0.02)), 0)
+    free = splits(8, 4, 0)
+    with pytest.raises(FairleadError, match="every training example is reliable"):
+        train_trust(FollowDynamics(0.0), free, DELTA, CONFIGS["sdf"], Job(Path("/nonexistent"), "toy"))
