@@ -52,4 +52,5 @@ class StateLayout:
     ) -> Float[np.ndarray, "*batch state"]:
         """The inverse of `grippers_of` and `points_of`."""
         batch = points.shape[:-2]
-        return np.concatenate([grippers.reshape(*batch, -1), points.reshape(*batch, -1)], axis=-1)
+        head, tail = grippers.reshape(*batch, self.action_size), points.reshape(*batch, 3 * self.points)
+        return np.concatenate([head, tail], axis=-1)

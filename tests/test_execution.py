@@ -1,0 +1,270 @@
+"""Laws of a trial: what ends it, what it spends, what it records, and what a trace tells however it ended."""
+
+from __future__ import annotations
+
+import itertools
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import final
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fairlead.core.artifacts import read_jsonl
+from fairlead.core.budget import Budget
+from fairlead.core.errors import ArtifactError
+from fairlead.core.records import Plan, PlanOutcome, TrialOutcome
+from fairlead.core.roles import Goal, World
+from fairlead.core.traces import EVENTS, read_trace
+from fairlead.execution.trace import TraceFolder
+from fairlead.execution.trial import Protocol, Task, TrialResult, run_trial
+from fairlead.planning.recovery import NoRecovery, RandomRecovery
+from fairlead.planning.rrt import BatchedRRT
+from toy import BAR, LAYOUT, SAMPLER, ToyWorld, arena, problem, straight, tail_goal
+
+START = straight(-0.4, 0.0)
+COUNTED = Budget(extensions=30_000)
+GOAL = tail_goal(0.5, 0.1)
+
+
+def toy_task(recovery=None, goal=GOAL, lanes: int = 32) -> Task:
+    environment, planner = arena(BAR), BatchedRRT(lanes=lanes)
+    asked = problem(environment, goal)
+    return Task(environment, goal, lambda s, m, r: planner.plan(asked, s, m, r), recovery or NoRecovery())
+
+
+def scripted_task(plans, recovery=None, goal=GOAL, cost: int = 100) -> Task:
+    """Plans from a script: a number of random steps each, None for stuck."""
+    script = iter(plans)
+
+    def make(state, meter, rng):
+        steps = next(script)
+        meter.charge_extensions(cost)
+        outcome = PlanOutcome.STUCK if steps is None else PlanOutcome.PARTIAL
+        actions = SAMPLER.propose(np.repeat(state[None], steps or 0, axis=0), rng)
+        states = np.repeat(state[None], len(actions) + 1, axis=0)
+        return Plan(outcome, states, actions, np.ones(len(actions)), cost, 1)
+
+    return Task(arena(), goal, make, recovery or NoRecovery())
+
+
+def trial(task, budget=COUNTED, protocol=Protocol.PAPER, seed=0, world=None, **rest) -> TrialResult:
+    return run_trial(world or ToyWorld(arena(BAR), START[None]), task, budget, protocol, seed, **rest)
+
+
+@given(seed=st.integers(0, 2**32))
+@settings(max_examples=8, deadline=None)
+def test_a_trial_ends_in_the_goal_or_with_the_budget_and_can_be_repeated(seed):
+    def clock() -> float:
+        raise AssertionError("the clock was read under a counted budget")
+
+    world = ToyWorld(arena(BAR), START[None])
+    result = trial(toy_task(), seed=seed, world=world, clock=clock)
+    assert result.success == (result.outcome is TrialOutcome.GOAL) == bool(GOAL.reached(world.observe()[0]))
+    assert result.error_m == GOAL.error(world.observe()[0])
+    assert result.actions == world.executed
+    assert result.execution_s == result.actions
+    assert result.extensions <= COUNTED.extensions
+    assert result.success or result.extensions == COUNTED.extensions
+    assert (result.reached_at_s is not None) == result.success
+    assert result.row() == trial(toy_task(), seed=seed).row()
+
+
+def test_the_first_plan_is_judged_after_it_was_executed_whole():
+    solved = trial(toy_task())
+    assert solved.success
+    assert solved.plans == 1
+    assert (solved.first_plan_success, solved.first_plan_error_m) == (True, solved.error_m)
+    at_goal = trial(toy_task(goal=tail_goal(-0.7, 0.0)))
+    assert (at_goal.plans, at_goal.reached_at_s, at_goal.first_plan_success) == (0, 0.0, None)
+    stuck = trial(scripted_task([None]))
+    assert (stuck.first_plan_success, stuck.first_plan_error_m) == (False, stuck.error_m)
+    cut = trial(scripted_task([9]), Budget(seconds=3.5), clock=lambda: 0.0)
+    assert (cut.actions, cut.first_plan_success, cut.first_plan_error_m) == (4, None, None)
+
+
+def test_stuck_ends_the_paper_protocol_and_not_the_fair_one():
+    paper = trial(scripted_task([2, None, 3]))
+    assert (paper.outcome, paper.plans, paper.times_stuck, paper.actions) == (TrialOutcome.STUCK, 2, 1, 2)
+    fair = trial(scripted_task([None, 2, None, 3]), Budget(extensions=400), Protocol.FAIR)
+    assert (fair.outcome, fair.plans, fair.times_stuck, fair.actions) == (TrialOutcome.BUDGET, 4, 2, 5)
+
+
+@pytest.mark.parametrize("protocol", list(Protocol))
+def test_recovery_is_one_action_then_a_new_plan(protocol):
+    result = trial(scripted_task([None, None, 2], RandomRecovery(SAMPLER)), Budget(extensions=300), protocol)
+    assert (result.outcome, result.times_stuck, result.recovery_actions) == (TrialOutcome.BUDGET, 2, 2)
+    assert (result.plans, result.actions) == (3, 4)
+
+
+def test_plans_without_actions_do_not_run_for_ever():
+    costless = trial(scripted_task(itertools.repeat(0), cost=0), Budget(extensions=50))
+    assert (costless.outcome, costless.plans, costless.actions) == (TrialOutcome.BUDGET, 50, 0)
+
+
+def test_execution_stops_when_the_seconds_are_spent():
+    ticks = itertools.count(step=0.25)
+    result = trial(scripted_task(itertools.repeat(7)), Budget(seconds=12.0), clock=lambda: next(ticks))
+    assert result.outcome is TrialOutcome.BUDGET
+    assert 12.0 <= result.planning_s + result.execution_s < 13.5
+
+
+@final
+class AfterActions(Goal):
+    """Reached once the world has executed so many actions."""
+
+    def __init__(self, world: ToyWorld, actions: int) -> None:
+        self.world, self.actions = world, actions
+
+    def error(self, states):
+        return np.full(states.shape[:-1], float(self.actions - self.world.executed))
+
+    def reached(self, states):
+        return self.error(states) <= 0
+
+    def sample(self, states, rng):
+        return states
+
+
+@pytest.mark.parametrize(("needed", "reached_at"), [(3, 3.5), (4, 3.5), (5, None)])
+def test_the_action_under_way_when_time_runs_out_still_counts(needed, reached_at):
+    world = ToyWorld(arena(BAR), START[None])
+    task = scripted_task([9], goal=AfterActions(world, needed))
+    result = trial(task, Budget(seconds=3.5), world=world, clock=lambda: 0.0)
+    assert (result.actions, result.reached_at_s, result.success) == (4, reached_at, reached_at is not None)
+
+
+def test_every_attempt_draws_from_a_stream_of_its_own():
+    drawn = []
+
+    def make(state, meter, rng):
+        drawn.append(rng.integers(2**62))
+        meter.charge_extensions(1)
+        return Plan(PlanOutcome.STUCK, state[None], np.zeros((0, 3)), np.zeros(0), 1, 1)
+
+    task = Task(arena(), GOAL, make, NoRecovery())
+    trial(task, Budget(extensions=20), Protocol.FAIR, seed=1)
+    trial(task, Budget(extensions=20), Protocol.FAIR, seed=2)
+    assert len(set(drawn)) == 40
+
+
+def test_a_diverged_simulation_ends_the_trial():
+    result = trial(scripted_task([5, 5]), world=ToyWorld(arena(BAR), START[None], diverge_after=3))
+    assert (result.outcome, result.actions, result.success) == (TrialOutcome.DIVERGED, 4, False)
+
+
+def test_a_trace_tells_the_trial(tmp_path: Path):
+    world = ToyWorld(arena(BAR), START[None])
+    task = toy_task(RandomRecovery(SAMPLER))
+    result = trial(task, world=world, recorder=TraceFolder(tmp_path, {"scene": "toy", "seed": 0}))
+    trace = read_trace(tmp_path)
+    assert trace.about == {"scene": "toy", "seed": 0}
+    assert trace.result == result.row()
+    assert trace.layout == LAYOUT
+    assert (trace.outcome, len(trace.plans), len(trace.actions)) == (result.outcome, result.plans, result.actions)
+    assert np.allclose(trace.start, START)
+    assert np.allclose(trace.actions[-1].state, world.observe()[0])
+    assert sum(action.seconds for action in trace.actions) == result.execution_s
+    plan = trace.plans[0]
+    assert np.allclose([action.action for action in trace.actions if action.plan == 0], plan.actions)
+    assert plan.states.dtype == plan.tree.states.dtype == np.float32
+    assert (plan.tree.parents[1:] < np.arange(1, len(plan.tree.parents))).all()
+    assert {tuple(state) for state in plan.states} <= {tuple(state) for state in plan.tree.states}
+    with pytest.raises(ArtifactError):
+        TraceFolder(tmp_path, {})
+
+
+def test_a_stuck_plan_and_a_plan_without_a_tree_are_traced_too(tmp_path: Path):
+    trial(scripted_task([None, 4], RandomRecovery(SAMPLER)), Budget(extensions=200), recorder=TraceFolder(tmp_path, {}))
+    stuck, plan = read_trace(tmp_path).plans
+    assert (stuck.outcome, len(stuck.actions)) == (PlanOutcome.STUCK, 0)
+    assert plan.tree.parents.tolist() == [0, 0, 1, 2, 3]
+    assert [action.recovery for action in read_trace(tmp_path).actions] == [True] + 4 * [False]
+
+
+@final
+class Interrupted(World):
+    """A person presses Ctrl-C in the n-th call, before or after the action took place."""
+
+    layout = LAYOUT
+
+    def __init__(self, call: int, after: bool) -> None:
+        self.world, self.call, self.after, self.calls = ToyWorld(arena(BAR), START[None]), call, after, 0
+
+    def observe(self):
+        return self.world.observe()
+
+    def execute(self, actions):
+        self.calls += 1
+        if self.calls == self.call and not self.after:
+            raise KeyboardInterrupt
+        executed = self.world.execute(actions)
+        if self.calls == self.call:
+            raise KeyboardInterrupt
+        return executed
+
+
+@given(call=st.integers(1, 12), after=st.booleans(), plans=st.lists(st.none() | st.integers(1, 4), min_size=12))
+@settings(max_examples=20, deadline=None)
+def test_an_interrupt_while_executing_leaves_a_readable_trace(tmp_path_factory, call, after, plans):
+    folder = tmp_path_factory.mktemp("trace")
+    task = scripted_task(plans, RandomRecovery(SAMPLER), tail_goal(9, 9))
+    with pytest.raises(KeyboardInterrupt):
+        trial(task, world=Interrupted(call, after), recorder=TraceFolder(folder, {}))
+    trace = read_trace(folder)
+    assert trace.outcome is TrialOutcome.INTERRUPTED
+    assert trace.result["actions"] == len(trace.actions) == call - 1
+
+
+@given(plans=st.lists(st.integers(1, 4), max_size=5))
+@settings(max_examples=10, deadline=None)
+def test_an_interrupt_while_planning_leaves_a_readable_trace(tmp_path_factory, plans):
+    def interrupted():
+        yield from plans
+        raise KeyboardInterrupt
+
+    folder = tmp_path_factory.mktemp("trace")
+    with pytest.raises(KeyboardInterrupt):
+        trial(scripted_task(interrupted(), goal=tail_goal(9, 9)), recorder=TraceFolder(folder, {}))
+    trace = read_trace(folder)
+    assert trace.outcome is TrialOutcome.INTERRUPTED
+    assert (len(trace.plans), len(trace.actions)) == (len(plans), sum(plans))
+
+
+ENDLESS = """
+import sys
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+from test_execution import SAMPLER, Budget, RandomRecovery, TraceFolder, itertools, scripted_task, tail_goal, trial
+plans = itertools.cycle([3, None, 2])
+task = scripted_task(plans, RandomRecovery(SAMPLER), tail_goal(9, 9), cost=1)
+trial(task, Budget(extensions=10**9), recorder=TraceFolder(Path(sys.argv[1]), {{"scene": "endless"}}))
+"""
+
+
+@pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("lines", [3, 57])
+def test_a_killed_process_leaves_a_readable_trace(tmp_path: Path, stop, lines):
+    script = ENDLESS.format(tests=str(Path(__file__).parent))
+    process = subprocess.Popen([sys.executable, "-c", script, str(tmp_path / "t")], stderr=subprocess.DEVNULL)
+    try:
+        while len(list(read_jsonl(tmp_path / "t" / EVENTS))) < lines:
+            assert process.poll() is None
+            time.sleep(0.01)
+    finally:
+        process.send_signal(stop)
+        process.wait(20)
+    trace = read_trace(tmp_path / "t")
+    assert trace.outcome is TrialOutcome.INTERRUPTED
+    assert len(trace.plans) + len(trace.actions) >= lines - 2
+    assert (stop is signal.SIGINT) == bool(trace.result)
+
+
+def test_a_folder_without_a_trace_is_named(tmp_path: Path):
+    with pytest.raises(ArtifactError, match=r"events\.jsonl"):
+        read_trace(tmp_path)

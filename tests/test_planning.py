@@ -1,0 +1,200 @@
+"""Laws of planning, for both planners: what a plan promises, what it may spend, and when it gives up."""
+
+from __future__ import annotations
+
+import itertools
+from typing import final
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fairlead.core.budget import Budget, Meter
+from fairlead.core.errors import FairleadError
+from fairlead.core.records import PlanOutcome, Transitions
+from fairlead.core.roles import TransitionCheck
+from fairlead.core.streams import stream
+from fairlead.geometry.motion import RandomDisplacement
+from fairlead.geometry.shapes import Box
+from fairlead.planning.ompl import OmplRRT
+from fairlead.planning.problem import Problem, SearchSettings
+from fairlead.planning.rrt import BatchedRRT
+from toy import BAR, LAYOUT, SAMPLER, BrokenChain, FreeChain, arena, problem, straight, tail_goal
+
+PLANNERS = [BatchedRRT(), BatchedRRT(lanes=1), BatchedRRT(lanes=7, candidates=20), OmplRRT()]
+NAMES = ["batched", "one-lane", "seven-lanes", "ompl"]
+each_planner = pytest.mark.parametrize("planner", PLANNERS, ids=NAMES)
+START = straight(-0.4, 0.0)
+
+
+@final
+class Scripted(TransitionCheck):
+    """Accepts only the transitions of the given numbers, in the order of being asked; else answers `otherwise`."""
+
+    def __init__(self, accepted: range = range(0), otherwise: float = 0.0) -> None:
+        self.accepted, self.otherwise, self.asked, self.batches, self.encoded = accepted, otherwise, 0, [], 0
+
+    def encode(self, environment, states):
+        self.encoded += len(states)
+        return np.zeros((len(states), 1), np.float32)
+
+    def probability(self, environment, transitions, encodings, next_encodings):
+        numbers = self.asked + np.arange(len(transitions))
+        self.asked += len(transitions)
+        self.batches.append(len(transitions))
+        return np.where((numbers >= self.accepted.start) & (numbers < self.accepted.stop), 1.0, self.otherwise)
+
+
+def meter(extensions: float = 20_000) -> Meter:
+    """A counted meter whose clock no planner may read."""
+
+    def clock() -> float:
+        raise AssertionError("the clock was read under a counted budget")
+
+    return Meter(Budget(extensions=extensions), clock)
+
+
+def scripted(check: TransitionCheck) -> Problem:
+    return Problem(arena(), tail_goal(0.5, 0.1), FreeChain(), check, SAMPLER)
+
+
+@each_planner
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 2**32), extensions=st.integers(1, 6000), heading=st.floats(-3, 3))
+def test_a_plan_is_a_chain_of_accepted_transitions(planner, seed, extensions, heading):
+    task, spent = problem(arena(BAR), tail_goal(0.5, 0.1)), meter(extensions)
+    start = straight(-0.45, 0.0, heading)
+    plan = planner.plan(task, start, spent, stream(seed))
+    assert plan.extensions == spent.extensions <= extensions
+    assert len(plan.states) == len(plan.actions) + 1 == len(plan.trust) + 1
+    assert np.array_equal(plan.states[0], start)
+    assert (plan.trust > 0.5).all()
+    assert task.inside(plan.states[1:]).all()
+    predicted = task.dynamics.predict(task.environment, plan.states[:-1], plan.actions).mean
+    assert np.allclose(predicted, plan.states[1:])
+    encodings = task.check.encode(task.environment, plan.states)
+    again = Transitions(plan.states[:-1], plan.actions, plan.states[1:], np.zeros(len(plan)))
+    assert (task.check.probability(task.environment, again, encodings[:-1], encodings[1:]) > 0.5).all()
+    assert (plan.outcome is PlanOutcome.GOAL) == bool(task.goal.reached(plan.states[-1]))
+    reach = np.linalg.norm(plan.actions - plan.states[:-1, :3], axis=1)
+    assert (reach <= SAMPLER.reach + 1e-9).all()
+
+
+@each_planner
+@settings(max_examples=5, deadline=None)
+@given(seed=st.integers(0, 2**32))
+def test_the_tree_is_a_tree_and_the_plan_leads_to_its_best_node(planner, seed):
+    task = problem(arena(BAR), tail_goal(0.5, 0.1, radius=1e-6))
+    plan = planner.plan(task, START, meter(1500), stream(seed))
+    assert plan.outcome is PlanOutcome.PARTIAL
+    assert plan.tree is not None
+    assert len(plan.tree.states) == plan.nodes <= plan.extensions + 1
+    assert (plan.tree.parents[1:] < np.arange(1, plan.nodes)).all()
+    errors = task.goal.error(plan.tree.states)
+    assert task.goal.error(plan.states[-1]) == errors.min()
+
+
+@each_planner
+def test_the_same_arguments_give_the_same_plan_and_another_seed_another(planner):
+    task = problem(arena(BAR), tail_goal(0.5, 0.1))
+    first, second, other = (planner.plan(task, START, meter(1000), stream(seed)) for seed in (3, 3, 4))
+    assert np.array_equal(first.tree.states, second.tree.states)
+    assert np.array_equal(first.actions, second.actions)
+    assert not np.array_equal(first.tree.states[:50], other.tree.states[:50])
+
+
+@each_planner
+def test_stuck_after_32_rejected_attempts_at_the_start(planner):
+    check = Scripted()
+    plan = planner.plan(scripted(check), START, meter(), stream(0))
+    assert plan.outcome is PlanOutcome.STUCK
+    assert (plan.extensions, plan.nodes, len(plan), check.asked) == (32, 1, 0, 32)
+
+
+@each_planner
+@pytest.mark.parametrize("number", [0, 15, 31])
+def test_one_accepted_attempt_is_not_stuck(planner, number):
+    plan = planner.plan(scripted(Scripted(range(number, number + 1))), START, meter(300), stream(0))
+    assert plan.outcome is PlanOutcome.PARTIAL
+    assert (plan.extensions, plan.nodes) == (300, 2)
+
+
+@each_planner
+def test_what_is_not_a_number_is_rejected_and_counted(planner):
+    nan_check = planner.plan(scripted(Scripted(otherwise=np.nan)), START, meter(), stream(0))
+    assert (nan_check.outcome, nan_check.invalid) == (PlanOutcome.STUCK, 32)
+    broken = planner.plan(problem(arena(), tail_goal(0.5, 0.1), BrokenChain()), START, meter(3000), stream(0))
+    assert broken.invalid > 0
+    assert np.isfinite(broken.tree.states).all()
+    assert (broken.tree.states[:, 0] <= 0).all()
+
+
+@each_planner
+@pytest.mark.parametrize(("budget_s", "attempt_s"), [(3.0, 1.0), (1.0, 3.0)])
+def test_seconds_end_an_attempt(planner, budget_s, attempt_s):
+    ticks = itertools.count(step=0.05)
+    timed = Meter(Budget(seconds=budget_s), lambda: next(ticks))
+    timed.start_planning()
+    unreachable = problem(arena(), tail_goal(0.5, 0.1, radius=1e-6))
+    plan = type(planner)(SearchSettings(attempt_seconds=attempt_s)).plan(unreachable, START, timed, stream(0))
+    assert plan.outcome is PlanOutcome.PARTIAL
+    assert timed.spent_s == pytest.approx(1.0, abs=0.3)
+
+
+@each_planner
+def test_an_attempt_stays_within_its_own_extensions(planner):
+    unreachable = problem(arena(), tail_goal(0.5, 0.1, radius=1e-6))
+    short = type(planner)(SearchSettings(attempt_extensions=100))
+    assert short.plan(unreachable, START, meter(), stream(0)).extensions == 100
+
+
+@each_planner
+def test_a_start_in_the_goal_needs_no_action(planner):
+    plan = planner.plan(problem(arena(), tail_goal(-0.7, 0.0)), START, meter(), stream(0))
+    assert (plan.outcome, len(plan), plan.extensions) == (PlanOutcome.GOAL, 0, 0)
+
+
+def test_every_iteration_is_one_full_batch_and_encodes_only_what_is_new():
+    check = Scripted(range(100_000))
+    BatchedRRT(lanes=64).plan(scripted(check), START, meter(2000), stream(0))
+    assert check.batches[0] == 32
+    assert set(check.batches[1:-1]) == {64}
+    assert check.encoded == check.asked + 1
+
+
+@given(repeats=st.integers(1, 6), seed=st.integers(0, 1000))
+@settings(max_examples=10, deadline=None)
+def test_a_control_is_repeated_at_most_so_often(repeats, seed):
+    planner = BatchedRRT(SearchSettings(repeats=repeats), lanes=8)
+    unclipped = RandomDisplacement(LAYOUT, 0.15, (-9, -9, 0.02), (9, 9, 0.02), planar=True)
+    task = Problem(arena(), tail_goal(9, 9), FreeChain(), Scripted(range(10**6)), unclipped)
+    tree = planner.plan(task, START, meter(500), stream(seed)).tree
+    moved = (tree.states - tree.states[tree.parents])[1:, :2]
+    _, same = np.unique(moved.round(9), axis=0, return_counts=True)
+    assert same.max() <= repeats
+
+
+def test_both_planners_solve_the_same_problems_at_a_similar_rate():
+    solved = {BatchedRRT: 0, OmplRRT: 0}
+    spent = {BatchedRRT: 0, OmplRRT: 0}
+    for seed in range(12):
+        rng = stream(1, seed)
+        bar = Box((0.1, float(rng.uniform(0.6, 1.3)), 0.3), (float(rng.uniform(-0.1, 0.1)), 0.0, 0.15))
+        task = problem(arena(bar), tail_goal(0.5, float(rng.uniform(-0.6, 0.6))))
+        start = straight(-0.4, float(rng.uniform(-0.3, 0.3)))
+        for planner in (BatchedRRT(lanes=32), OmplRRT()):
+            plan = planner.plan(task, start, meter(5000), stream(0, seed))
+            solved[type(planner)] += plan.outcome is PlanOutcome.GOAL
+            spent[type(planner)] += plan.extensions
+    assert min(solved.values()) >= 10
+    assert abs(solved[BatchedRRT] - solved[OmplRRT]) <= 2
+    assert 1 / 3 < spent[BatchedRRT] / spent[OmplRRT] < 3
+
+
+def test_settings_that_make_no_sense_are_refused():
+    for wrong in ({"goal_bias": 2}, {"repeats": 0}, {"attempt_seconds": -1}):
+        with pytest.raises(FairleadError):
+            SearchSettings(**wrong)
+    with pytest.raises(FairleadError):
+        BatchedRRT(lanes=0)
