@@ -1,0 +1,50 @@
+"""`fairlead collect SCENARIO --phase 1|2 --out DIR`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from fairlead.cli.output import progress_bar, show
+
+
+@dataclass(frozen=True)
+class Command:
+    """Record trajectories. Interrupt it at will: the same command goes on where it stopped, to the same bytes."""
+
+    scenario: Annotated[str, tyro.conf.Positional]
+    """The world, for example `dragging`."""
+    phase: int
+    """1: without obstacles, for dynamics. 2: among obstacles, for trust and recovery."""
+    out: Path
+    """Folder of the dataset."""
+    trajectories: int | None = None
+    """How many; the paper's number by default (6144 in phase 1, 2048 in phase 2)."""
+    steps: int = 0
+    """Actions in a trajectory; 0 for the paper's (10 in phase 1, 50 in phase 2)."""
+    lanes: int = 64
+    """Chains of trajectories that run side by side; at least eight for all three splits."""
+    seed: int = 0
+    """Of every random stream."""
+    threads: int = os.cpu_count() or 1
+    """Of the simulator; they do not change a byte."""
+    json: bool = False
+    """Print one JSON object."""
+
+    def run(self) -> None:
+        """Collect, with a progress bar, and print what was recorded."""
+        from fairlead.data.collect import PAPER_TRAJECTORIES, CollectConfig, collect
+        from fairlead.data.verify import info
+        from fairlead.scenarios.registry import scenario
+
+        world = scenario(self.scenario)
+        count = PAPER_TRAJECTORIES.get(self.phase, 1) if self.trajectories is None else self.trajectories
+        config = CollectConfig(self.phase, count, self.seed, self.lanes, self.steps)
+        total = count * config.resolved(world)["steps"]
+        with progress_bar(f"{self.scenario} phase {self.phase}", total, "transitions") as advance:
+            collect(world, config, self.out, self.threads, advance)
+        show(info(self.out), self.json)

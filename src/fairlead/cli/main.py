@@ -1,0 +1,63 @@
+"""`fairlead COMMAND ...`: finds the command, and turns a user's mistake into one line."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+from fairlead import __version__
+from fairlead.core.errors import FairleadError, UnknownNameError
+
+COMMANDS = {
+    "doctor": "what this machine has; what is missing and how to get it",
+    "collect": "record trajectories in a simulated world",
+    "data": "look at a dataset: info, verify",
+}
+"""Each is a module of this package with a type `Command`, imported when it is called: help stays fast."""
+
+
+def usage() -> str:
+    """The commands, one a line."""
+    rows = "\n".join(f"  {name:<10} {sentence}" for name, sentence in COMMANDS.items())
+    return f"usage: fairlead COMMAND [options]    (fairlead COMMAND --help says more)\n\n{rows}\n"
+
+
+def run(arguments: list[str]) -> None:
+    """Parse and run one command."""
+    name, *rest = arguments or ["--help"]
+    if name in ("-h", "--help"):
+        print(usage(), end="")
+        return
+    if name == "--version":
+        print(f"fairlead {__version__}")
+        return
+    if name not in COMMANDS:
+        raise UnknownNameError("command", name, COMMANDS)
+    import tyro
+
+    module = importlib.import_module(f"fairlead.cli.{name}")
+    command = tyro.cli(
+        module.Command,
+        args=rest,
+        prog=f"fairlead {name}",
+        description=f"{COMMANDS[name].capitalize()}.",
+        config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes),
+    )
+    command.run()
+
+
+def main() -> None:
+    """Entry point. Exit codes: 0 done, 2 a mistake in what was given, 130 interrupted."""
+    try:
+        run(sys.argv[1:])
+    except FairleadError as error:
+        _fail(" ".join(str(error).split()), 2)
+    except OSError as error:
+        _fail(f"{error.filename or 'system'}: {error.strerror or error}", 2)
+    except KeyboardInterrupt:
+        _fail("interrupted", 130)
+
+
+def _fail(message: str, code: int) -> None:
+    print(f"fairlead: {message}", file=sys.stderr)
+    sys.exit(code)
