@@ -1,13 +1,22 @@
-"""Models by folder: what `train` wrote, as the roles that planning and execution ask for."""
+"""Models by folder: what training wrote, as the roles that planning and execution ask for."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from fairlead.core.roles import Dynamics
+import torch
+
+from fairlead.core.roles import ActionSampler, Dynamics
 from fairlead.learning.dynamics import dynamics_from
+from fairlead.learning.full_dynamics import full_dynamics_from
 from fairlead.learning.model_files import read_model
+from fairlead.learning.recovery import LearnedRecovery, recovery_from
 from fairlead.learning.trust import LearnedCheck, check_from
+
+
+def use_threads(count: int) -> None:
+    """Let torch use so many threads in this process. A trial's worker uses one; training may use all cores."""
+    torch.set_num_threads(count)
 
 
 def load_dynamics(folder: Path, scenario: str) -> Dynamics:
@@ -15,11 +24,21 @@ def load_dynamics(folder: Path, scenario: str) -> Dynamics:
     return dynamics_from(read_model(folder, "dynamics", scenario))
 
 
+def load_full_dynamics(folder: Path, scenario: str) -> Dynamics:
+    """The full dynamics baseline in `folder`, trained for `scenario`."""
+    return full_dynamics_from(read_model(folder, "full-dynamics", scenario))
+
+
 def load_delta(folder: Path, scenario: str) -> float:
-    """The distance [m] within which a prediction of these dynamics counts as reliable."""
+    """The distance [m] within which a prediction of the unconstrained dynamics in `folder` counts as reliable."""
     return float(read_model(folder, "dynamics", scenario).metrics["delta_m"])
 
 
 def load_check(folder: Path, scenario: str) -> LearnedCheck:
     """The trust classifier in `folder`, trained for `scenario`."""
     return check_from(read_model(folder, "trust", scenario))
+
+
+def load_recovery(folder: Path, scenario: str, sampler: ActionSampler) -> LearnedRecovery:
+    """The recovery policy in `folder`, trained for `scenario`; it chooses among actions that `sampler` proposes."""
+    return recovery_from(read_model(folder, "recovery", scenario), sampler)

@@ -11,6 +11,7 @@ from jaxtyping import Float, Float32, Int
 from torch import Tensor, nn
 
 from fairlead.core.errors import FairleadError, UnknownNameError
+from fairlead.core.layout import StateLayout
 from fairlead.core.records import Transitions
 from fairlead.core.roles import Environment
 from fairlead.geometry.voxels import VoxelGrid
@@ -57,6 +58,9 @@ class TrustConfig:
 
 class TrustNetwork(nn.Module, ABC):
     """A classifier of transitions. In training it sees `forward` alone, in planning `encode` and `judge`."""
+
+    layout: StateLayout
+    config: TrustConfig
 
     @abstractmethod
     def prepare(self, examples: Examples) -> Inputs:

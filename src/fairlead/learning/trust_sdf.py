@@ -37,7 +37,7 @@ class SdfTrust(TrustNetwork):
 
     def __init__(self, layout: StateLayout, config: TrustConfig) -> None:
         super().__init__()
-        self.layout, self.planar = layout, config.planar
+        self.layout, self.config, self.planar = layout, config, config.planar
         positions, grippers = layout.state_size // 3, len(layout.grippers)
         axes = 2 if config.planar else 3
         self._vectors = (4 * positions + grippers) * axes

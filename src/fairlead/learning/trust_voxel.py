@@ -69,7 +69,7 @@ class VoxelTrust(TrustNetwork):
 
     def __init__(self, layout: StateLayout, config: TrustConfig) -> None:
         super().__init__()
-        self.layout, self.grid = layout, config.grid
+        self.layout, self.config, self.grid = layout, config, config.grid
         self.encoder = VoxelEncoder(config.grid.channels(layout), config.grid, config.planar)
         self._of_state = self.encoder.size + 2 * layout.state_size
         self.norm = nn.BatchNorm1d(self._of_state + layout.action_size + 1)

@@ -1,0 +1,152 @@
+"""The full dynamics baseline: one network that sees the obstacles and predicts what they do to the rope.
+
+The image-conditioned network of Nagabandi et al. (IROS 2018) with voxels for images (paper, "Full dynamics"). The
+voxels of the current state are drawn anew at every step of a rollout; no gradient passes through the drawing.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+
+from fairlead.core.errors import FairleadError
+from fairlead.core.layout import StateLayout
+from fairlead.core.records import Prediction
+from fairlead.core.roles import Dynamics, Environment
+from fairlead.core.streams import stream_seed
+from fairlead.geometry.frames import local_origin
+from fairlead.geometry.voxels import Occupancy, VoxelGrid
+from fairlead.learning.dynamics import UNIT_M, RolloutTask
+from fairlead.learning.fit import Stage, fit
+from fairlead.learning.model_files import Job, ModelFile, save_model
+from fairlead.learning.rollout import Splits, dynamics_metrics
+from fairlead.learning.trust_network import COARSE_GRID
+from fairlead.learning.trust_voxel import VoxelEncoder
+
+CODE = 5
+
+
+@dataclass(frozen=True)
+class FullDynamicsConfig:
+    """How the baseline is built and trained.
+
+    Args:
+        hidden: units of each layer after the product (the paper: 200).
+        planar: motion in a horizontal plane: layers of cells are convolved each by itself.
+        grid: the voxels.
+        stages: as for the unconstrained dynamics.
+        patience: epochs without improvement after which a stage ends.
+    """
+
+    hidden: int = 200
+    planar: bool = True
+    grid: VoxelGrid = COARSE_GRID
+    stages: tuple[Stage, ...] = (Stage(12, 64, 1e-3, 1), Stage(3, 32, 3e-4, 4))
+    patience: int = 10
+
+    def __post_init__(self) -> None:
+        if min(self.hidden, len(self.stages)) < 1:
+            raise FairleadError("full dynamics: hidden and the number of stages must be positive")
+
+
+@final
+class FullNetwork(nn.Module):
+    """Voxels -> encoder -> 32 -> 32 -> 5; state and action -> hidden; outer product -> hidden -> hidden -> change."""
+
+    def __init__(self, layout: StateLayout, config: FullDynamicsConfig) -> None:
+        super().__init__()
+        self.layout, self.grid, hidden = layout, config.grid, config.hidden
+        self.encoder = VoxelEncoder(config.grid.channels(layout), config.grid, config.planar)
+        sizes = (self.encoder.size, 32, 32)
+        self.code = nn.Sequential(
+            *(layer for i in range(2) for layer in (nn.Linear(sizes[i], sizes[i + 1]), nn.ReLU())), nn.Linear(32, CODE)
+        )
+        self.vectors = nn.Sequential(nn.Linear(layout.state_size + layout.action_size, hidden), nn.ReLU())
+        self.change = nn.Sequential(
+            nn.Linear(hidden * CODE, hidden),
+            nn.ReLU(),
+            nn.Linear(hidden, hidden),
+            nn.ReLU(),
+            nn.Linear(hidden, layout.state_size),
+        )
+
+    def forward(
+        self,
+        occupancy: Occupancy,
+        scene: Int[np.ndarray, " batch"],
+        states: Float[Tensor, "batch state"],
+        actions: Float[Tensor, "batch action"],
+    ) -> Float[Tensor, "batch state"]:
+        """The next states [m]."""
+        current = states.detach().numpy()
+        code = self.code(self.encoder(torch.from_numpy(self.grid.draw(self.layout, occupancy, scene, current))))
+        origin = torch.from_numpy(local_origin(self.layout, current)).repeat(1, self.layout.state_size // 3)
+        local = torch.cat([states - origin, actions - origin[:, : actions.shape[1]]], dim=1) / UNIT_M
+        product = self.vectors(local)[:, :, None] * code[:, None, :]
+        return states + UNIT_M * self.change(product.flatten(1))
+
+
+@final
+class LearnedFullDynamics(Dynamics):
+    """The trained baseline. A single network has no spread: it is zero."""
+
+    def __init__(self, module: FullNetwork) -> None:
+        self._module = module
+
+    @property
+    def layout(self) -> StateLayout:
+        return self._module.layout
+
+    def predict(
+        self,
+        environment: Environment,
+        states: Float[np.ndarray, "batch state"],
+        actions: Float[np.ndarray, "batch action"],
+    ) -> Prediction:
+        occupancy = Occupancy.of([environment], self._module.grid.resolution)
+        scene = np.zeros(len(states), np.intp)
+        with torch.inference_mode():
+            s, a = (torch.from_numpy(np.asarray(x, np.float32)) for x in (states, actions))
+            mean = self._module(occupancy, scene, s, a).numpy()
+        return Prediction(mean, np.zeros(len(mean), np.float32))
+
+
+def _build(layout: StateLayout, config: FullDynamicsConfig, seed: int) -> FullNetwork:
+    with torch.random.fork_rng(devices=[]):  # as in trust.build_network
+        torch.manual_seed(stream_seed(seed, "full-dynamics", "weights"))
+        return FullNetwork(layout, config).eval()
+
+
+def train_full_dynamics(data: Splits, config: FullDynamicsConfig, job: Job) -> LearnedFullDynamics:
+    """Train the baseline on data among obstacles (as much as both phases have together) and save it."""
+    started = time.monotonic()
+    module = _build(data.layout, config, job.seed)
+    occupancy = Occupancy.of(data.train.environments, config.grid.resolution)
+
+    def step(states: Tensor, actions: Tensor, scene: Tensor) -> Tensor:
+        return module(occupancy, scene[0].numpy(), states[0], actions[0])[None]
+
+    dynamics = LearnedFullDynamics(module)
+    key = job.key("full-dynamics", config)
+    task = RolloutTask(module, step, dynamics, data)
+    fit(task, config.stages, job.seed, job.folder, key=key, patience=config.patience, title="full dynamics")
+    metrics = dynamics_metrics(dynamics, data)
+    seconds = time.monotonic() - started
+    save_model(job, "full-dynamics", "voxel", data.layout, config, module.state_dict(), metrics, seconds)
+    return dynamics
+
+
+def full_dynamics_from(model: ModelFile) -> LearnedFullDynamics:
+    """The baseline of a model that was read."""
+    values: dict[str, Any] = model.config
+    stages = tuple(Stage(**stage) for stage in values["stages"])
+    grid = VoxelGrid(**{**values["grid"], "shape": tuple(values["grid"]["shape"])})
+    module = _build(model.layout, FullDynamicsConfig(**{**values, "stages": stages, "grid": grid}), 0)
+    model.load_into(module)
+    return LearnedFullDynamics(module)

@@ -1,0 +1,47 @@
+"""Laws of the full dynamics baseline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from fairlead.core.contracts import check_dynamics
+from fairlead.geometry.distance import model_error
+from fairlead.geometry.voxels import VoxelGrid
+from fairlead.learning.fit import Stage
+from fairlead.learning.full_dynamics import FullDynamicsConfig, train_full_dynamics
+from fairlead.learning.model_files import Job
+from fairlead.learning.registry import load_full_dynamics
+from fairlead.learning.rollout import roll_out_all
+from rope_data import LAYOUT, splits
+
+DATA = splits(64, 6, 4)
+CONFIG = FullDynamicsConfig(
+    hidden=48, grid=VoxelGrid((22, 22, 1), 0.04), stages=(Stage(8, 32, 2e-3), Stage(1, 32, 3e-4, 2))
+)
+
+
+def test_full_dynamics_learn_see_obstacles_save_and_load(tmp_path: Path) -> None:
+    dynamics = train_full_dynamics(DATA, CONFIG, Job(tmp_path, "toy"))
+    predicted = roll_out_all(dynamics, DATA.validation, 3)
+    actual = DATA.validation.states[:, 1:4]
+    still = model_error(LAYOUT, DATA.validation.states[:, :1], actual)
+    assert model_error(LAYOUT, predicted, actual).mean() < 0.8 * still.mean()
+
+    states, actions = DATA.test.states[:6, 0], DATA.test.actions[:6, 0]
+    free, crowded = DATA.test.environments[:2]
+    check_dynamics(dynamics, free, states, actions)
+    here, there = (dynamics.predict(e, states, actions) for e in (free, crowded))
+    assert (here.spread == 0).all()
+    loaded = load_full_dynamics(tmp_path, "toy").predict(free, states, actions)
+    assert (loaded.mean == here.mean).all()
+    in_the_middle = np.tile(np.array([*_centre(free), 0.02]), LAYOUT.state_size // 3)[None]
+    go = in_the_middle[:, :3] + [0.1, 0, 0]
+    assert (dynamics.predict(free, in_the_middle, go).mean != dynamics.predict(crowded, in_the_middle, go).mean).any()
+    assert there.mean.shape == states.shape
+
+
+def _centre(environment: object) -> tuple[float, float]:
+    box = environment.boxes[0]  # type: ignore[attr-defined]
+    return box.position[0], box.position[1]

@@ -1,0 +1,160 @@
+"""Laws of recovery: what is paired with what, and what a label weighs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import final
+
+import numpy as np
+import pytest
+import torch
+from jaxtyping import Float
+
+from fairlead.core.contracts import check_recovery
+from fairlead.core.records import Transitions
+from fairlead.core.roles import Environment, TransitionCheck
+from fairlead.geometry.fields import BoxEnvironment
+from fairlead.geometry.motion import RandomDisplacement
+from fairlead.geometry.voxels import VoxelGrid
+from fairlead.learning.fit import Stage
+from fairlead.learning.model_files import Job
+from fairlead.learning.recovery import (
+    LearnedRecovery,
+    RecoveryConfig,
+    RecoveryHead,
+    RecoveryTask,
+    head_inputs,
+    train_recovery,
+)
+from fairlead.learning.registry import load_recovery
+from fairlead.learning.stuck import recovery_examples
+from fairlead.learning.trust import LearnedCheck, build_network
+from fairlead.learning.trust_network import TrustConfig
+from rope_data import BOUNDS, LAYOUT, splits, trajectories
+from test_labels import FollowDynamics
+
+SAMPLER = RandomDisplacement(LAYOUT, 0.15, (-0.9, -0.9, 0.02), (0.9, 0.9, 0.02), planar=True)
+DYNAMICS = FollowDynamics(0.0)
+CONFIG = RecoveryConfig(stages=(Stage(3, 32, 1e-3),))
+VOXEL = TrustConfig("voxel", hidden=8, grid=VoxelGrid((24, 24, 1), 0.04))
+
+
+@final
+class SideCheck(TransitionCheck):
+    """Accepts what starts on the right of a line, and does not care about the action."""
+
+    def __init__(self, line: float) -> None:
+        self.line = line
+
+    def encode(
+        self,
+        environment: Environment,
+        states: Float[np.ndarray, "batch state"],
+    ) -> Float[np.ndarray, "batch feature"]:
+        return states[:, :1].astype(np.float32)
+
+    def probability(
+        self,
+        environment: Environment,
+        transitions: Transitions,
+        encodings: Float[np.ndarray, "batch feature"],
+        next_encodings: Float[np.ndarray, "batch feature"],
+    ) -> Float[np.ndarray, " batch"]:
+        assert (encodings[:, 0] == transitions.states[:, 0].astype(np.float32)).all()
+        return (encodings[:, 0] > self.line).astype(float)
+
+
+def test_stuck_states_are_paired_with_their_action_successor_and_environment() -> None:
+    data = trajectories(20, 8, 4, np.random.default_rng(0))
+    found = recovery_examples(DYNAMICS, SideCheck(0.1), SAMPLER, data, 8, 10**6, np.random.default_rng(1))
+    stuck = data.states[:, :-1, 0] <= 0.1
+    assert {tuple(row) for row in found.source.tolist()} == set(zip(*map(list, np.nonzero(stuck)), strict=True))
+    for row, (n, t) in enumerate(found.source):
+        np.testing.assert_array_equal(found.states[row], data.states[n, t])
+        np.testing.assert_array_equal(found.actions[row], data.actions[n, t])
+        assert found.scene[row] == data.scene[n]
+        assert found.share[row] == float(data.states[n, t + 1, 0] > 0.1)
+    assert set(found.share) == {0.0, 1.0}
+    assert found.examined == 160
+
+
+@pytest.mark.parametrize("config", [TrustConfig("sdf", hidden=8), VOXEL])
+def test_inputs_of_the_head_belong_to_their_own_row(config: TrustConfig) -> None:
+    data = trajectories(12, 5, 3, np.random.default_rng(3))
+    found = recovery_examples(DYNAMICS, SideCheck(0.0), SAMPLER, data, 4, 10**6, np.random.default_rng(1))
+    trust = build_network(LAYOUT, config, 0)
+    together = head_inputs(trust, data, found).numpy()
+    with torch.inference_mode():
+        for row in range(0, len(found), 5):
+            n, t = found.source[row]
+            state, action = data.states[n, t], data.actions[n, t]
+            features = trust.frozen(data.environments[data.scene[n]], state[None])[0]
+            local = [state - np.tile(state[:3], len(state) // 3), action - state[:3]]
+            np.testing.assert_allclose(together[row], np.concatenate([features, state, *local]), atol=1e-4)
+
+
+def test_labels_zero_and_one_both_teach() -> None:
+    inputs = torch.zeros(2, 3)
+    head = RecoveryHead(3, 4).eval()
+    task = RecoveryTask(head, (inputs, np.array([0.0, 1.0])), (inputs, np.array([0.0, 1.0])))
+    gradients = []
+    for row in (0, 1):
+        head.zero_grad()
+        task.loss(Stage(1, 1), np.array([row]), np.random.default_rng(0)).backward()
+        bias = head.layers[-1].bias
+        assert isinstance(bias, torch.Tensor)
+        assert bias.grad is not None
+        gradients.append(float(bias.grad))
+    assert gradients[0] > 0.1
+    assert gradients[1] < -0.1
+
+
+@pytest.mark.parametrize("network", ["sdf", "voxel"])
+def test_training_learns_which_way_out_saves_and_loads(network: str, tmp_path: Path) -> None:
+    """Sidelong: the accepted side is to the right, so recovering is to go right."""
+    data = splits(240, 8, 4)
+    config = VOXEL if network == "voxel" else TrustConfig("sdf", hidden=8)
+    trust = LearnedCheck(build_network(LAYOUT, config, 0))
+    settings = RecoveryConfig(samples=16, stages=(Stage(25, 64, 3e-3),), patience=25)
+
+    # The role is a learned check's features with another verdict: what is stuck is known exactly.
+    stuck = recovery_examples(DYNAMICS, SideCheck(0.3), SAMPLER, data.train, 4, 10**6, np.random.default_rng(0))
+    assert 0.02 < stuck.share.mean() < 0.5
+
+    @final
+    class Both(TransitionCheck):
+        network = trust.network
+        encode = SideCheck(0.3).encode
+        probability = SideCheck(0.3).probability
+
+    policy = train_recovery(DYNAMICS, Both(), SAMPLER, data, settings, Job(tmp_path, "toy"))  # type: ignore[arg-type]
+    metrics = json.loads((tmp_path / "metrics.json").read_text())
+    assert metrics["trained"]
+    environment = BoxEnvironment([], BOUNDS)
+    states = data.train.states[:, :-1].reshape(-1, LAYOUT.state_size)
+    states = states[(states[:, 0] > 0.2) & (states[:, 0] < 0.3)][:30]
+    chosen = policy.choose(environment, states, np.random.default_rng(0))
+    assert (chosen - states[:, :3])[:, 0].mean() > 0.06
+    check_recovery(policy, environment, states, LAYOUT)
+    loaded = load_recovery(tmp_path, "toy", SAMPLER)
+    assert (loaded.choose(environment, states, np.random.default_rng(0)) == chosen).all()
+
+
+def test_nothing_to_learn_from_gives_random_actions_and_says_so(tmp_path: Path) -> None:
+    data = splits(8, 4, 2)
+    trust = LearnedCheck(build_network(LAYOUT, TrustConfig("sdf", hidden=8), 0))
+
+    @final
+    class Free(TransitionCheck):
+        network = trust.network
+        encode = SideCheck(-9).encode
+        probability = SideCheck(-9).probability
+
+    train_recovery(DYNAMICS, Free(), SAMPLER, data, CONFIG, Job(tmp_path, "toy"))  # type: ignore[arg-type]
+    assert "acts at random" in (tmp_path / "card.md").read_text()
+    policy = load_recovery(tmp_path, "toy", SAMPLER)
+    assert isinstance(policy, LearnedRecovery)
+    states = data.test.states[:, 0]
+    drawn = policy.choose(data.test.environments[0], states, np.random.default_rng(2))
+    assert (drawn == SAMPLER.propose(states, np.random.default_rng(2))).all()
