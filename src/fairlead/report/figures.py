@@ -18,11 +18,11 @@ RowsOf = Mapping[str, Sequence[Row]]
 
 
 def _share_below(axes: Axes, rows_of: RowsOf, key: str, limits: np.ndarray) -> None:
-    """For each method, the share of trials whose `key` is below each limit (null is below none)."""
+    """For each method, the share of trials whose `key` is at most each limit (null: never)."""
     for name, rows in rows_of.items():
         values = np.sort([np.inf if row[key] is None else row[key] for row in rows])
         colour, dashes = method_style(name)
-        share = 100 * np.searchsorted(values, limits, side="left") / len(values)
+        share = 100 * np.searchsorted(values, limits, side="right") / len(values)
         axes.plot(limits, share, color=colour, linestyle=dashes, label=name)
     axes.set(ylim=(0, 103), xlim=(limits[0], limits[-1]), ylabel="success [%]")
 

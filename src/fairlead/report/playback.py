@@ -8,6 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float, Int
 
+from fairlead.core.layout import StateLayout
+from fairlead.core.traces import Trace, TracedAction, TracedPlan
+
 FPS = 25
 SPEED = 4.0
 """Simulated seconds shown in one second of video."""
@@ -26,7 +29,7 @@ class Branches:
 
 @dataclass(frozen=True)
 class Episode:
-    """One plan with its execution, or one recovery action (then `tree` and `predicted` are None)."""
+    """One plan with its execution; where nothing was planned (stuck, recovering), `tree` and `predicted` are None."""
 
     tree: Branches | None
     predicted: Float[np.ndarray, "steps_and_one point 3"] | None
@@ -39,13 +42,12 @@ class Episode:
 
 @dataclass(frozen=True)
 class Recording:
-    """A whole trial, and what to say about it."""
+    """A whole trial, and what to say about it: its title, and how it ended as a word and as a sentence."""
 
     title: str
     episodes: tuple[Episode, ...]
     outcome: str
     sentence: str
-    success: bool
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,47 @@ class View:
     trust: float | None = None
     trail: tuple[Float[np.ndarray, "point 3"], ...] = field(default=())
     ended: bool = False
+
+
+def recording(trace: Trace, title: str, point: int) -> Recording:
+    """A trace as episodes; `point` is the rope point whose places make the drawn tree."""
+    episodes: list[Episode] = []
+    state, clock = trace.start, 0.0
+    for plan in trace.plans:
+        done = [action for action in trace.actions if action.plan == plan.index]
+        for part, recovering in (([a for a in done if not a.recovery], False), ([a for a in done if a.recovery], True)):
+            if recovering and not part:
+                continue
+            found = None if recovering or not len(plan.states) else plan
+            episodes.append(_episode(trace.layout, found, part, state, plan.at_s - clock, point))
+            state = part[-1].state if part else state
+            clock = part[-1].at_s if part else max(clock, plan.at_s)
+    return Recording(title, tuple(episodes), trace.outcome.label, trace.outcome.sentence)
+
+
+def _episode(
+    layout: StateLayout,
+    plan: TracedPlan | None,
+    actions: list[TracedAction],
+    state: Float[np.ndarray, " state"],
+    planning_s: float,
+    point: int,
+) -> Episode:
+    executed = np.stack([state, *(action.state for action in actions)])
+    tree = predicted = None
+    if plan is not None:
+        places = layout.points_of(plan.tree.states)[:, point, :2]
+        tree = Branches(places, plan.tree.parents, plan.tree.trust)
+        predicted = layout.points_of(plan.states)
+    return Episode(
+        tree,
+        predicted,
+        np.zeros(0) if plan is None else plan.trust,
+        layout.points_of(executed),
+        layout.grippers_of(executed),
+        np.array([action.seconds for action in actions]),
+        max(0.0, planning_s),
+    )
 
 
 def views(recording: Recording) -> Iterator[View]:

@@ -1,0 +1,150 @@
+"""The table of methods: each a row of dynamics, check and recovery (paper, "Experiments"), and how to build one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TypeVar, final
+
+from fairlead.core import plugins
+from fairlead.core.artifacts import MANIFEST, read_json, sha256
+from fairlead.core.errors import ArtifactError, UnknownNameError
+from fairlead.core.roles import Dynamics, RecoveryPolicy, TransitionCheck
+from fairlead.learning.registry import load_check, load_dynamics, load_full_dynamics, load_recovery
+from fairlead.planning.checks import AcceptAll, CollisionCheck, SpreadThreshold
+from fairlead.planning.recovery import NoRecovery, RandomRecovery
+from fairlead.scenarios.oracle import SimulatorDynamics
+from fairlead.scenarios.scenario import Scenario
+from fairlead.scenarios.scene_files import Scene
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Method:
+    """One row. The names are keys of `DYNAMICS` (or "simulator"), `CHECKS` and `RECOVERIES`.
+
+    budget_scale multiplies the budget; only the oracle, a bound and not a rival, has more than the others.
+    """
+
+    dynamics: str
+    check: str
+    recovery: str
+    sentence: str
+    budget_scale: float = 1.0
+
+
+METHODS: dict[str, Method] = {
+    "trust": Method("learned", "trust", "none", "The paper's classifier."),
+    "trust+recovery": Method("learned", "trust", "learned", "The paper's complete method."),
+    "trust+random-recovery": Method("learned", "trust", "random", "The classifier; stuck, a random action."),
+    "trust-sdf": Method("learned", "trust-sdf", "none", "A small classifier on signed distances."),
+    "trust-sdf+recovery": Method("learned", "trust-sdf", "learned-sdf", "The small classifier, with recovery."),
+    "accept-all": Method("learned", "accept-all", "none", "The same dynamics, trusted everywhere."),
+    "full-dynamics": Method("full", "accept-all", "none", "Dynamics that learn the obstacles too, no check."),
+    "collision-check": Method("learned", "collision", "none", "A collision check made by hand."),
+    "spread-threshold": Method("learned", "spread", "none", "Trust where the ensemble agrees."),
+    "oracle": Method("simulator", "accept-all", "none", "Plans with the simulator itself: what is solvable.", 5.0),
+}
+
+
+@final
+@dataclass(frozen=True)
+class Models:
+    """The trained models of a scenario, in the folders of one folder; each is read when a method asks for it.
+
+    Folders: dynamics, full-dynamics, trust, trust-sdf, recovery, recovery-sdf.
+    """
+
+    folder: Path
+    scenario: Scenario
+
+    def hashes(self) -> dict[str, str]:
+        """Model name -> SHA-256 of its manifest."""
+        return {path.parent.name: sha256(path) for path in sorted(self.folder.glob(f"*/{MANIFEST}"))}
+
+    @cached_property
+    def spread_threshold_m(self) -> float:
+        """The trusted spread: the best balanced accuracy on the validation labels of a classifier's training."""
+        for name in ("trust-sdf", "trust"):
+            path = self.folder / name / "metrics.json"
+            if path.exists():
+                return float(read_json(path)["spread_threshold_m"])
+        raise ArtifactError(self.folder, "no trust or trust-sdf model, whose validation labels give the threshold")
+
+
+DYNAMICS: dict[str, Callable[[Models], Dynamics]] = {
+    "learned": lambda models: load_dynamics(models.folder / "dynamics", models.scenario.name),
+    "full": lambda models: load_full_dynamics(models.folder / "full-dynamics", models.scenario.name),
+}
+"""Besides "simulator", which is built anew for each scene."""
+
+CHECKS: dict[str, Callable[[Models], TransitionCheck]] = {
+    "accept-all": lambda models: AcceptAll(),
+    "collision": lambda models: CollisionCheck(models.scenario.layout, models.scenario.rope_radius),
+    "spread": lambda models: SpreadThreshold(models.spread_threshold_m),
+    "trust": lambda models: load_check(models.folder / "trust", models.scenario.name),
+    "trust-sdf": lambda models: load_check(models.folder / "trust-sdf", models.scenario.name),
+}
+"""Others come by entry points in `fairlead.checks`: a function of the models."""
+
+RECOVERIES: dict[str, Callable[[Models], RecoveryPolicy]] = {
+    "none": lambda models: NoRecovery(),
+    "random": lambda models: RandomRecovery(models.scenario.sampler),
+    "learned": lambda models: _recovery(models, "recovery"),
+    "learned-sdf": lambda models: _recovery(models, "recovery-sdf"),
+}
+
+
+def _recovery(models: Models, name: str) -> RecoveryPolicy:
+    return load_recovery(models.folder / name, models.scenario.name, models.scenario.sampler)
+
+
+def find_method(name: str) -> Method:
+    """The row of that name; the name of an installed check is the learned dynamics with that check, no recovery.
+
+    Raises:
+        UnknownNameError: neither a row nor an installed check.
+    """
+    installed = [check for check in plugins.names("check", {}) if check not in METHODS]
+    if name in METHODS:
+        return METHODS[name]
+    if name in installed:
+        return Method("learned", name, "none", f"The learned dynamics, checked by {name}.")
+    raise UnknownNameError("method", name, [*METHODS, *installed])
+
+
+@final
+class Parts:
+    """Builds the parts of methods, and keeps those that do not depend on the scene."""
+
+    def __init__(self, models: Models) -> None:
+        self._models = models
+        self._dynamics: dict[str, Dynamics] = {}
+        self._checks: dict[str, TransitionCheck] = {}
+        self._recoveries: dict[str, RecoveryPolicy] = {}
+
+    def build(self, method: Method, scene: Scene) -> tuple[Dynamics, TransitionCheck, RecoveryPolicy]:
+        """The dynamics, check and recovery of a method in a scene.
+
+        Raises:
+            ArtifactError: a model that the method needs is missing, damaged or of another scenario.
+        """
+        models = self._models
+        if method.dynamics == "simulator":
+            dynamics: Dynamics = SimulatorDynamics(models.scenario, scene.obstacles)
+        else:
+            dynamics = _once(self._dynamics, method.dynamics, lambda: DYNAMICS[method.dynamics](models))
+        return (
+            dynamics,
+            _once(self._checks, method.check, lambda: plugins.find("check", method.check, CHECKS)(models)),
+            _once(self._recoveries, method.recovery, lambda: RECOVERIES[method.recovery](models)),
+        )
+
+
+def _once(kept: dict[str, T], name: str, make: Callable[[], T]) -> T:
+    if name not in kept:
+        kept[name] = make()
+    return kept[name]

@@ -1,0 +1,135 @@
+"""Trials of methods x scenes x seeds, resumable trial by trial.
+
+A folder of trials holds:
+
+    config.json     what runs that share the folder must have in common
+    trials.jsonl    one object a trial, appended and synced as it ends
+    traces/METHOD/SCENE-SEED/   the traces that were asked for
+    scenes.json     the scenes that were tried
+    summary.json    the statistics of all its trials
+    manifest.json   written last, when every trial asked for is there
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from fairlead.core.artifacts import (
+    MANIFEST,
+    Manifest,
+    append_jsonl,
+    config_hash,
+    read_json,
+    read_jsonl,
+    sha256,
+    write_atomic,
+    write_json,
+)
+from fairlead.core.errors import ArtifactError
+from fairlead.evaluation.bench import Bench, Job, Row, TrialsConfig, run_jobs
+from fairlead.evaluation.summary import summarise
+from fairlead.scenarios.scene_files import write_scenes
+
+TRIALS, SUMMARY, SCENES, CONFIG = "trials.jsonl", "summary.json", "scenes.json", "config.json"
+
+
+def run_trials(
+    config: TrialsConfig, out: Path, workers: int = 1, ended: Callable[[Row, int], None] = lambda row, left: None
+) -> dict[str, Any]:
+    """Run every trial that `out` does not hold yet, summarise all that it holds and finish the folder.
+
+    Interrupted at any moment, the folder keeps every trial that has ended, and the same call goes on from there. With a
+    counted budget the rows do not depend on `workers`, but for their order.
+
+    Args:
+        config: what to try.
+        out: folder of the trials.
+        workers: processes.
+        ended: is told of each row that this call adds, and how many trials are left.
+
+    Returns: the summary.
+
+    Raises:
+        FairleadError: an unknown name, a bad scene, a missing model, or `out` belongs to another configuration.
+    """
+    started = time.monotonic()
+    bench = Bench(config)
+    _claim(out, identity(bench))
+    jobs = _missing(bench, out)
+    if jobs:
+        (out / MANIFEST).unlink(missing_ok=True)
+    for number, row in enumerate(run_jobs(config, jobs, workers), 1):
+        append_jsonl(out / TRIALS, row)
+        ended(row, len(jobs) - number)
+    return _finish(bench, out, time.monotonic() - started)
+
+
+def identity(bench: Bench) -> dict[str, Any]:
+    """What runs that share a folder have in common: all but which methods, scenes and seeds are tried."""
+    config = bench.config
+    return {
+        "scenario": config.scenario,
+        "scenes": config.scenes.stem,
+        "scenes_sha256": sha256(config.scenes),
+        "models": bench.models.hashes(),
+        "budget": str(config.budget),
+        "protocol": config.protocol.label,
+        "planner": config.planner,
+    }
+
+
+def repair(path: Path) -> None:
+    """Cut off an unfinished last line, which a killed writer left, so that the next row does not continue it."""
+    content = path.read_bytes() if path.exists() else b""
+    whole = content[: content.rfind(b"\n") + 1]
+    if whole != content:
+        write_atomic(path, whole)
+
+
+def _claim(out: Path, wanted: dict[str, Any]) -> None:
+    """Make the folder this configuration's, or refuse it."""
+    path = out / CONFIG
+    if not path.exists():
+        write_json(path, wanted)
+    found = read_json(path)
+    if config_hash(found) != config_hash(wanted):
+        key = next(key for key in wanted if found.get(key) != wanted[key])
+        raise ArtifactError(path, f"these trials had another '{key}' ({found.get(key)}, now {wanted[key]}); use --out")
+
+
+def _missing(bench: Bench, out: Path) -> list[Job]:
+    """The trials that the folder does not hold, scene by scene, so that methods can be compared early."""
+    repair(out / TRIALS)
+    done = {(row["method"], row["scene"], row["seed"]) for row in read_jsonl(out / TRIALS)}
+    config = bench.config
+    scenes = [scene.name for scene in bench.scenes.scenes[: config.limit]]
+    wanted = [(m, s, seed) for s in scenes for seed in config.seeds for m in config.methods]
+
+    def trace(method: str, scene: str, seed: int) -> Path | None:
+        kept = seed == config.seeds[0] and scene in scenes[: config.traced]
+        return out / "traces" / method / f"{scene}-{seed}" if kept else None
+
+    return [Job(*names, trace(*names)) for names in wanted if names not in done]
+
+
+def _finish(bench: Bench, out: Path, wall_s: float) -> dict[str, Any]:
+    """Summary, scenes and manifest from the rows on disk; a finished folder that gained no row stays as it is."""
+    if (out / MANIFEST).exists():
+        return read_json(out / SUMMARY)
+    config, rows = bench.config, list(read_jsonl(out / TRIALS))
+    methods = list(dict.fromkeys([*config.methods, *(row["method"] for row in rows)]))
+    summary = summarise(rows, methods, config.seeds[0])
+    write_json(out / SUMMARY, summary)
+    tried = {row["scene"] for row in rows}
+    scenes = [scene for scene in bench.scenes.scenes if scene.name in tried]
+    write_scenes(out / SCENES, config.scenario, scenes, f"the scenes of {config.scenes.name} that were tried here")
+    about = identity(bench)
+    inputs = {"scenes": about.pop("scenes_sha256"), **about.pop("models")}
+    about |= {"methods": methods, "seeds": sorted({row["seed"] for row in rows})}
+    files = {name: sha256(out / name) for name in (CONFIG, TRIALS, SUMMARY, SCENES)}
+    extra = {"trials": len(rows), "scenes": len(scenes)}
+    Manifest("trials", about, config.seeds[0], files, inputs, extra, wall_s).write(out)
+    return summary

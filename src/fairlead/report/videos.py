@@ -1,0 +1,79 @@
+"""Which trials to show: the first method beside the one without trust, a success, and a failure."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fairlead.core.traces import read_trace
+from fairlead.report.playback import recording
+from fairlead.report.sources import TrialSet
+from fairlead.report.video import Panel, write_gif, write_video
+
+BASELINE = "accept-all"
+_TARGETS = {"tail": lambda points: 0, "midpoint": lambda points: points // 2}
+
+
+@dataclass(frozen=True)
+class Clip:
+    """A video on the page."""
+
+    path: Path
+    caption: str
+
+    @property
+    def uri(self) -> str:
+        """The file as a data URI."""
+        return "data:video/mp4;base64," + base64.b64encode(self.path.read_bytes()).decode()
+
+
+def panel(trace_folder: Path, scene: Mapping[str, Any], title: str) -> Panel:
+    """A trial's part of a video, from its trace and its scene (as a scene file writes it)."""
+    trace = read_trace(trace_folder)
+    point = _TARGETS[scene["goal"]["target"]](trace.layout.points)
+    return Panel(recording(trace, title, point), scene, point)
+
+
+def _traced(trials: TrialSet, method: str) -> dict[tuple[str, int], dict[str, Any]]:
+    """The rows of a method whose traces were kept, by scene and seed."""
+    rows = trials.rows_of.get(method, [])
+    return {(r["scene"], r["seed"]): r for r in rows if trials.trace(method, r["scene"], r["seed"])}
+
+
+def choose(trials: TrialSet) -> list[tuple[str, list[str], tuple[str, int]]]:
+    """Captions, methods and (scene, seed) of the videos.
+
+    The first method beside `accept-all`, on the first scene where only the first succeeds (else on any), and a
+    failure of the first method.
+    """
+    method = next(iter(trials.summary["methods"]))
+    ours, theirs = _traced(trials, method), _traced(trials, BASELINE)
+    both = [key for key in ours if key in theirs and method != BASELINE]
+    chosen: list[tuple[str, list[str], tuple[str, int]]] = []
+    told = [key for key in both if ours[key]["success"] and not theirs[key]["success"]]
+    if both:
+        key = (told or both)[0]
+        why = "the first kept trial where only one of them succeeds" if told else "the first kept trial"
+        chosen.append((f"{method} beside {BASELINE} on {key[0]}: {why}.", [method, BASELINE], key))
+    else:
+        chosen += [(f"A success of {method} on {key[0]}.", [method], key) for key in ours if ours[key]["success"]][:1]
+    failures = [key for key in ours if not ours[key]["success"]]
+    chosen += [(f"A failure of {method} on {key[0]}.", [method], key) for key in failures[:1]]
+    return chosen
+
+
+def make_videos(trials: TrialSet, folder: Path, name: str) -> list[Clip]:
+    """Write the videos of a set of trials, and a moving GIF of the first."""
+    scenes = {scene["name"]: scene for scene in trials.scenes}
+    clips = []
+    for number, (caption, methods, (scene, seed)) in enumerate(choose(trials)):
+        traces = [trials.folder / "traces" / method / f"{scene}-{seed}" for method in methods]
+        path = folder / f"{name}-{number}.mp4"
+        write_video(path, [panel(trace, scenes[scene], m) for trace, m in zip(traces, methods, strict=True)])
+        if number == 0:
+            write_gif(path, path.with_suffix(".gif"))
+        clips.append(Clip(path, caption))
+    return clips
