@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import platform
 import shutil
+import subprocess
 from dataclasses import dataclass
 from importlib import import_module, metadata
 from pathlib import Path
@@ -50,9 +51,10 @@ def _video() -> str:
 
 
 def _graphics_card() -> str:
-    import torch
-
-    return torch.cuda.get_device_name() if torch.cuda.is_available() else "none (not needed)"
+    if not shutil.which("nvidia-smi"):
+        return "none (not needed)"
+    found = subprocess.run(["nvidia-smi", "-L"], capture_output=True, text=True, check=False)
+    return ", ".join(found.stdout.split("\n")).strip(", ") or "none that works (not needed)"
 
 
 def examine() -> dict[str, Any]:
@@ -62,9 +64,9 @@ def examine() -> dict[str, Any]:
     for key, needs, probe in (
         ("rendering", "mujoco", _rendering),
         ("video", "imageio-ffmpeg", _video),
-        ("graphics card", "torch", _graphics_card),
     ):
         found[key] = f"missing: it needs {needs}" if found[needs].startswith("missing") else probe()
+    found["graphics card"] = _graphics_card()
     found["cores"] = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     found["free disk (GB)"] = round(shutil.disk_usage(Path.cwd()).free / 1e9, 1)
     return found
