@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from fairlead.evaluation.statistics import (
-    best_threshold,
     error_statistics,
     mcnemar_p,
     paired_bootstrap,
@@ -110,17 +109,3 @@ def test_mcnemar_counts_unequal_pairs_only(seed: int) -> None:
     assert 0 <= p <= 1
     assert mcnemar_p(np.append(ours, agree), np.append(theirs, agree)) == p
     assert mcnemar_p(ours, ours) == 1
-
-
-@given(seeds)
-def test_best_threshold_beats_every_other(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    spread = rng.gamma(2.0, 0.01, 60)
-    reliable = rng.random(60) < np.exp(-40 * spread)
-    reliable[:2] = [True, False]
-
-    def balanced(threshold: float) -> float:
-        return float((spread[reliable] < threshold).mean() + (spread[~reliable] >= threshold).mean())
-
-    best = balanced(best_threshold(spread, reliable))
-    assert all(best >= balanced(threshold) - 1e-12 for threshold in np.linspace(0, 0.2, 101))

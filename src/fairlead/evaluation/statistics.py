@@ -89,15 +89,3 @@ def mcnemar_p(ours: Bool[np.ndarray, " pair"], baseline: Bool[np.ndarray, " pair
     won = int(np.sum(ours & ~baseline))
     lost = int(np.sum(~ours & baseline))
     return float(stats.binomtest(won, won + lost, alternative="greater").pvalue) if won + lost else 1.0
-
-
-def best_threshold(spread: Float[np.ndarray, " example"], reliable: Bool[np.ndarray, " example"]) -> float:
-    """The spread [m] below which to trust a prediction: the best balanced accuracy on labelled validation examples.
-
-    Every midpoint between two neighbouring values is tried, and both ends, so that trusting all or nothing may win.
-    """
-    values = np.unique(spread)
-    cuts = np.concatenate([[values[0] / 2], (values[1:] + values[:-1]) / 2, [values[-1] * 2 + 1e-12]])
-    kept = np.searchsorted(np.sort(spread[reliable]), cuts) / max(1, int(reliable.sum()))
-    passed = np.searchsorted(np.sort(spread[~reliable]), cuts) / max(1, int((~reliable).sum()))
-    return float(cuts[np.argmax(kept - passed)])

@@ -77,12 +77,14 @@ def summarise(rows: Sequence[Row], methods: Sequence[str], seed: int) -> dict[st
         methods: names in the order to report; the first is compared with each of the others.
         seed: of the bootstrap.
 
-    Returns: "methods", name to numbers, and "comparisons", a list of {"method", "baseline", ...}.
+    Returns: "order", the methods that have trials; "methods", name to numbers; and "comparisons", a list of {"method",
+        "baseline", ...}.
     """
     ordered = sorted(rows, key=lambda row: (row["scene"], row["seed"]))
     of = {method: [row for row in ordered if row["method"] == method] for method in methods}
     present = [method for method in methods if of[method]]
     return {
+        "order": present,
         "methods": {method: _method_summary(of[method]) for method in present},
         "comparisons": [
             {"method": present[0], "baseline": name}

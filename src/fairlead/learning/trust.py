@@ -19,7 +19,7 @@ from fairlead.core.streams import stream, stream_seed
 from fairlead.geometry.voxels import VoxelGrid
 from fairlead.learning.fit import Stage, Task, fit
 from fairlead.learning.labels import Examples, label, label_counts
-from fairlead.learning.metrics import balanced_log_loss, classification
+from fairlead.learning.metrics import balanced_log_loss, best_threshold, classification
 from fairlead.learning.model_files import Job, ModelFile, save_model
 from fairlead.learning.rollout import Splits
 from fairlead.learning.trust_network import Inputs, TrustConfig, TrustNetwork
@@ -130,6 +130,8 @@ def train_trust(dynamics: Dynamics, data: Splits, delta: float, config: TrustCon
     for name, found in examples.items():
         metrics[name] = classification(probabilities(network, network.prepare(found), len(found)), found.labels)
     metrics.update({f"test_{name}": metrics["test"][name] for name in ("accuracy", "precision", "recall", "auroc")})
+    held_out = examples["validation"]
+    metrics["spread_threshold_m"] = best_threshold(held_out.transitions.spread, held_out.labels)
     metrics["rules"] = label_counts(dynamics, data.train, delta)
     save_model(
         job, "trust", config.network, data.layout, config, network.state_dict(), metrics, time.monotonic() - started

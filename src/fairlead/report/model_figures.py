@@ -44,13 +44,13 @@ def reliability(models: Sequence[Model]) -> Drawn:
     with figure(6.4, 3.9) as (canvas, (axes,)):
         axes.plot([0, 1], [0, 1], color=MUTED, linewidth=1, linestyle=(0, (4, 3)))
         for model in models:
-            bins = model.metrics["reliability"]
-            count = np.array(bins["count"])
-            known = count > 0
+            bins = model.metrics["test"]["reliability"]
+            predicted, observed, count = (
+                np.array([b[key] for b in bins]) for key in ("predicted", "observed", "count")
+            )
             colour, dashes = method_style(model.name)
-            predicted, observed = (np.array(bins[key], float)[known] for key in ("predicted", "observed"))
             axes.plot(predicted, observed, color=colour, linestyle=dashes, label=model.name)
-            axes.scatter(predicted, observed, s=8 + 160 * count[known] / count.sum(), color=colour, zorder=3)
+            axes.scatter(predicted, observed, s=8 + 160 * count / count.sum(), color=colour, zorder=3)
         axes.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), xlabel="predicted probability", ylabel="share reliable")
         axes.legend(loc="upper left")
     return canvas, "Reliability on test data; the area of a dot is the share of examples. Dashed: perfect.", False
@@ -59,7 +59,7 @@ def reliability(models: Sequence[Model]) -> Drawn:
 def pictures(models: Sequence[Model]) -> list[Drawn]:
     """Every figure that the models have data for."""
     drawn = []
-    if judged := [model for model in models if "reliability" in model.metrics]:
+    if judged := [model for model in models if model.kind == "trust"]:
         drawn.append(reliability(judged))
     if learned := [model for model in models if model.curves]:
         drawn.append(learning_curves(learned))

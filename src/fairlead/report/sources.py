@@ -32,8 +32,9 @@ class TrialSet:
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """The statistics that evaluation wrote."""
-        return read_json(self.folder / "summary.json")
+        """The statistics that evaluation wrote; its methods in the order to report."""
+        found = read_json(self.folder / "summary.json")
+        return {**found, "methods": {name: found["methods"][name] for name in found["order"]}}
 
     @cached_property
     def scenes(self) -> list[dict[str, Any]]:
@@ -69,8 +70,13 @@ class Model:
 
     @property
     def scalars(self) -> dict[str, float]:
-        """The metrics that are single numbers."""
-        return {key: value for key, value in self.metrics.items() if isinstance(value, int | float)}
+        """The metrics that are single numbers, those on test data by their plain names."""
+        found = {**self.metrics, **self.metrics.get("test", {})}
+        return {
+            key: value
+            for key, value in found.items()
+            if isinstance(value, int | float) and not (key.startswith("test_") and key[5:] in found)
+        }
 
     @cached_property
     def metrics(self) -> dict[str, Any]:

@@ -57,7 +57,7 @@ def _metres(value: float | None) -> str:
 def success_table(summary: Summary) -> Table:
     """Success at the end, after the first plan alone, and after less time."""
     methods = summary["methods"]
-    times = list(next(iter(methods.values()))["success_at_s"])
+    times = sorted(next(iter(methods.values()))["success_at_s"], key=float)
     columns = ("method", "trials", "success", "first plan alone", *(f"at {time} s" for time in times))
     rows = [
         (

@@ -147,11 +147,12 @@ def _legend(width: int) -> Image.Image:
     for colour, text in ((ROPE, "rope"), (GHOST, "predicted"), (GRIPPER, "gripper"), (GOAL, "goal")):
         draw.ellipse((x, 8 * s, x + 11 * s, 19 * s), fill=colour)
         draw.text((x + 17 * s, 6 * s), text, font=font, fill=MUTED)
-        x += 17 * s + draw.textlength(text, font) + 20 * s
+        x += 17 * s + draw.textlength(text, font) + 16 * s
     for step in range(60):
         colour = tuple(int(255 * part) for part in TRUST(step / 59)[:3])
         draw.rectangle((x + step * s, 9 * s, x + (step + 1) * s, 18 * s), fill=colour)
-    draw.text((x + 68 * s, 6 * s), f"tree, trust 0.5 to 1        {SPEED:g} x speed", font=font, fill=MUTED)
+    draw.text((x + 68 * s, 6 * s), "tree, trust 0.5 to 1", font=font, fill=MUTED)
+    draw.text((width * s, 6 * s), f"{SPEED:g} x speed", font=font, fill=MUTED, anchor="ra")
     draw.line((0, 0, width * s, 0), fill=FAINT, width=s)
     return image
 

@@ -23,6 +23,7 @@ class Clip:
 
     path: Path
     caption: str
+    wide: bool
 
     @property
     def uri(self) -> str:
@@ -75,5 +76,5 @@ def make_videos(trials: TrialSet, folder: Path, name: str) -> list[Clip]:
         write_video(path, [panel(trace, scenes[scene], m) for trace, m in zip(traces, methods, strict=True)])
         if number == 0:
             write_gif(path, path.with_suffix(".gif"))
-        clips.append(Clip(path, caption))
+        clips.append(Clip(path, caption, len(methods) > 1))
     return clips
