@@ -47,7 +47,7 @@ def scene(name: str, rng: np.random.Generator) -> dict[str, Any]:
     """A scene in the format of scene files."""
     heading = np.cumsum(rng.uniform(-0.5, 0.5, 10))
     steps = 0.05 * np.stack([np.cos(heading), np.sin(heading), 0 * heading], axis=-1)
-    rope = np.cumsum(steps, axis=0) + [*rng.uniform(-0.4, 0.2, 2), 0.02]
+    rope = np.cumsum(steps, axis=0) + np.append(rng.uniform(-0.4, 0.2, 2), 0.02)
     obstacles = []
     for i in range(6):
         yaw = rng.uniform(-np.pi, np.pi)

@@ -12,6 +12,10 @@ COMMANDS = {
     "doctor": "what this machine has; what is missing and how to get it",
     "collect": "record trajectories in a simulated world",
     "data": "look at a dataset: info, verify",
+    "scenes": "draw random scenes from a seed",
+    "plan": "plan and execute one scene, with a trace and a video",
+    "evaluate": "try methods on many scenes",
+    "report": "tables, figures and one self-contained page",
 }
 """Each is a module of this package with a type `Command`, imported when it is called: help stays fast."""
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, final
 
 from fairlead.core.artifacts import (
     MANIFEST,
@@ -36,35 +36,39 @@ from fairlead.scenarios.scene_files import write_scenes
 TRIALS, SUMMARY, SCENES, CONFIG = "trials.jsonl", "summary.json", "scenes.json", "config.json"
 
 
-def run_trials(
-    config: TrialsConfig, out: Path, workers: int = 1, ended: Callable[[Row, int], None] = lambda row, left: None
-) -> dict[str, Any]:
-    """Run every trial that `out` does not hold yet, summarise all that it holds and finish the folder.
+@final
+class Trials:
+    """A folder of trials, and those of a configuration that it does not hold yet.
 
-    Interrupted at any moment, the folder keeps every trial that has ended, and the same call goes on from there. With a
-    counted budget the rows do not depend on `workers`, but for their order.
+    Interrupted at any moment, the folder keeps every trial that has ended; the same configuration goes on from there.
 
     Args:
         config: what to try.
-        out: folder of the trials.
-        workers: processes.
-        ended: is told of each row that this call adds, and how many trials are left.
-
-    Returns: the summary.
+        out: the folder.
 
     Raises:
-        FairleadError: an unknown name, a bad scene, a missing model, or `out` belongs to another configuration.
+        FairleadError: an unknown name, a bad scene, a missing model, or `out` belongs to another configuration. Nothing
+            has been written then.
     """
-    started = time.monotonic()
-    bench = Bench(config)
-    _claim(out, identity(bench))
-    jobs = _missing(bench, out)
-    if jobs:
-        (out / MANIFEST).unlink(missing_ok=True)
-    for number, row in enumerate(run_jobs(config, jobs, workers), 1):
-        append_jsonl(out / TRIALS, row)
-        ended(row, len(jobs) - number)
-    return _finish(bench, out, time.monotonic() - started)
+
+    def __init__(self, config: TrialsConfig, out: Path) -> None:
+        self._bench, self._out = Bench(config), out
+        _claim(out, identity(self._bench))
+        self.missing = _missing(self._bench, out)
+
+    def run(self, workers: int = 1, ended: Callable[[Row], None] = lambda row: None) -> dict[str, Any]:
+        """Run what is missing in so many processes, tell `ended` each row, and finish the folder.
+
+        With a counted budget the rows do not depend on `workers`, but for their order. Returns the summary of all the
+        folder's trials.
+        """
+        started = time.monotonic()
+        if self.missing:
+            (self._out / MANIFEST).unlink(missing_ok=True)
+        for row in run_jobs(self._bench.config, self.missing, workers):
+            append_jsonl(self._out / TRIALS, row)
+            ended(row)
+        return _finish(self._bench, self._out, time.monotonic() - started)
 
 
 def identity(bench: Bench) -> dict[str, Any]:

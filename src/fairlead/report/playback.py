@@ -121,7 +121,8 @@ def views(recording: Recording) -> Iterator[View]:
                 grown = (frame + 1) / count
                 yield replace(view, grown=grown, seconds=seconds + grown * episode.planning_s)
         seconds += episode.planning_s
-        for shown in _executing(episode, replace(view, seconds=seconds, grown=1.0)):
+        view = replace(view, seconds=seconds, grown=1.0)
+        for shown in _executing(episode, view):
             view = shown
             yield view
         trail, seconds = view.trail, view.seconds

@@ -1,0 +1,75 @@
+"""`fairlead evaluate SCENARIO --models DIR --scenes FILE --methods NAME,... --out DIR`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from fairlead.cli.output import progress_bar, show
+
+
+@dataclass(frozen=True)
+class Command:
+    """Try methods on scenes. Interrupt it at will: the same command goes on with the trials that are missing."""
+
+    scenario: Annotated[str, tyro.conf.Positional]
+    """The world, for example `dragging`."""
+    models: Path
+    """Folder of the trained models."""
+    scenes: Path
+    """Scene file."""
+    out: Path
+    """Folder of the trials."""
+    methods: str = "trust,accept-all"
+    """Names, separated by commas; the first is compared with each of the others."""
+    budget: str = "seconds=180"
+    """Of each trial: seconds=N, or extensions=N, which makes the trials reproducible to the bit."""
+    protocol: str = "fair"
+    """paper: a trial that is stuck without recovery ends; fair: it plans again until the budget is spent."""
+    planner: str = "rrt"
+    """rrt (batched), ompl, or one that is installed."""
+    seed: int = 0
+    """The first seed of the trials."""
+    seeds: int = 1
+    """How many seeds, each on every scene."""
+    limit: int | None = None
+    """Only the first so many scenes."""
+    traced: int = 5
+    """Keep the traces of the first so many scenes, for videos."""
+    workers: int = os.cpu_count() or 1
+    """Processes. With a budget in seconds, no more than there are cores."""
+    json: bool = False
+    """Print one JSON object."""
+
+    def run(self) -> None:
+        """Run the missing trials with a progress bar, and print each method's success."""
+        from fairlead.core.budget import Budget
+        from fairlead.evaluation.bench import TrialsConfig
+        from fairlead.evaluation.trials import Trials
+        from fairlead.execution.trial import Protocol
+
+        config = TrialsConfig(
+            scenario=self.scenario,
+            models=self.models,
+            scenes=self.scenes,
+            methods=tuple(name.strip() for name in self.methods.split(",")),
+            budget=Budget.parse(self.budget),
+            protocol=Protocol.of(self.protocol),
+            planner=self.planner,
+            seeds=tuple(range(self.seed, self.seed + self.seeds)),
+            limit=self.limit,
+            traced=self.traced,
+        )
+        trials = Trials(config, self.out)
+        with progress_bar(f"{self.scenario} {self.scenes.stem}", len(trials.missing), "trials") as advance:
+            summary = trials.run(self.workers, lambda row: advance(1))
+        if self.json:
+            show({"out": str(self.out), **summary}, True)
+            return
+        found = {name: summary["methods"][name] for name in summary["order"]}
+        rates = {name: f"{100 * of['success']['value']:.0f} % of {of['trials']} trials" for name, of in found.items()}
+        show({**rates, "out": self.out}, False)

@@ -1,0 +1,63 @@
+"""`fairlead plan SCENARIO --models DIR --scenes FILE --scene NAME --video out.mp4`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from fairlead.cli.output import show
+
+
+@dataclass(frozen=True)
+class Command:
+    """Run one trial, keep its trace, and make a video of it."""
+
+    scenario: Annotated[str, tyro.conf.Positional]
+    """The world, for example `dragging`."""
+    models: Path
+    """Folder of the trained models."""
+    scenes: Path
+    """Scene file."""
+    scene: str
+    """Name of the scene."""
+    trace: Path
+    """Folder for the trace; must be new. It stays readable if you interrupt the trial."""
+    method: str = "trust-sdf"
+    """A row of the table of methods."""
+    budget: str = "seconds=60"
+    """seconds=N or extensions=N."""
+    protocol: str = "fair"
+    """paper or fair."""
+    planner: str = "rrt"
+    """rrt (batched), ompl, or one that is installed."""
+    seed: int = 0
+    """Of the trial."""
+    video: Path | None = None
+    """An MP4 of the trial."""
+    json: bool = False
+    """Print one JSON object."""
+
+    def run(self) -> None:
+        """Plan, execute, print how it ended."""
+        from fairlead.core.budget import Budget
+        from fairlead.core.errors import ArtifactError
+        from fairlead.evaluation.bench import Bench, Job, TrialsConfig
+        from fairlead.execution.trial import Protocol
+        from fairlead.report.video import write_video
+        from fairlead.report.videos import panel
+
+        if self.trace.exists():
+            raise ArtifactError(self.trace, "exists already; a trace needs a new folder")
+        budget, protocol = Budget.parse(self.budget), Protocol.of(self.protocol)
+        bench = Bench(
+            TrialsConfig(self.scenario, self.models, self.scenes, (self.method,), budget, protocol, self.planner)
+        )
+        scene = bench.scenes.scene(self.scene)
+        row = bench.run(Job(self.method, scene.name, self.seed, self.trace))
+        if self.video is not None:
+            write_video(self.video, [panel(self.trace, asdict(scene), self.method)])
+            row["video"] = str(self.video)
+        show(row | {"trace": str(self.trace)}, self.json)

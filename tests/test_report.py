@@ -1,0 +1,129 @@
+"""The report: self-contained, complete, the same from the same folders; and a trial's frames tell it in order."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import synthetic
+from fairlead.core.artifacts import Manifest, append_jsonl, write_json
+from fairlead.core.errors import ArtifactError
+from fairlead.evaluation.summary import summarise
+from fairlead.report.drawing import outline
+from fairlead.report.page import write_report
+from fairlead.report.playback import Branches, Episode, Recording, views
+from fairlead.report.sources import find_sources
+from fairlead.report.tables import Table, success_table
+from fairlead.report.video import Panel, frame, write_video
+
+
+@pytest.fixture(scope="module")
+def trials(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished folder of made-up trials."""
+    folder = tmp_path_factory.mktemp("runs") / "made-up"
+    rows = synthetic.rows(scenes=6)
+    for row in rows:
+        append_jsonl(folder / "trials.jsonl", row)
+    rng = np.random.default_rng(0)
+    write_json(folder / "scenes.json", {"scenes": [synthetic.scene(f"scene-{i:03d}", rng) for i in range(6)]})
+    write_json(folder / "summary.json", summarise(rows, tuple(synthetic.RATES), 0))
+    config = {"scenario": "dragging", "budget": "seconds=60", "protocol": "fair", "planner": "rrt"}
+    Manifest("trials", config, 0, {}, {}, {}).write(folder)
+    return folder
+
+
+def test_the_page_needs_nothing_beside_it(trials: Path, tmp_path: Path) -> None:
+    page = write_report([trials], tmp_path, videos=False).read_text()
+    assert re.findall(r'(?:src|href)="(?!data:|#)', page) == []
+    assert page.count("<img") == 5
+    for method in synthetic.RATES:
+        assert f">{method}<" in page
+
+
+def test_the_same_folders_give_the_same_page(trials: Path, tmp_path: Path) -> None:
+    pages = [write_report([trials], tmp_path / name, videos=False).read_bytes() for name in ("a", "b")]
+    assert pages[0] == pages[1]
+
+
+def test_every_trial_is_a_cell(trials: Path, tmp_path: Path) -> None:
+    page = write_report([trials.parent], tmp_path, videos=False).read_text()
+    assert page.count('title="scene-') == len(synthetic.rows(scenes=6))
+
+
+def test_methods_keep_their_order(trials: Path) -> None:
+    (found,) = find_sources([trials]).trials
+    assert list(found.rows_of) == list(synthetic.RATES)
+    assert [row[0] for row in success_table(found.summary).rows] == list(synthetic.RATES)
+
+
+def test_nothing_finished_is_an_error_that_names_the_folder(tmp_path: Path) -> None:
+    with pytest.raises(ArtifactError, match=str(tmp_path)):
+        find_sources([tmp_path])
+    with pytest.raises(ArtifactError, match="no such folder"):
+        find_sources([tmp_path / "missing"])
+
+
+def test_markdown_has_one_cell_a_column() -> None:
+    table = Table("t", ("a", "b"), (("x|y", "1"), ("z", "2")))
+    lines = table.markdown().splitlines()[2:]
+    assert {len(re.findall(r"(?<!\\)\|", line)) for line in lines} == {3}
+
+
+@given(st.floats(-3, 3), st.floats(0.05, 1), st.floats(0.05, 1))
+def test_outline_is_the_turned_rectangle(yaw: float, a: float, b: float) -> None:
+    box = {"size": [a, b, 1], "position": [0.3, -0.2, 0], "quaternion_xyzw": [0, 0, np.sin(yaw / 2), np.cos(yaw / 2)]}
+    corners = outline(box)
+    assert corners.mean(axis=0) == pytest.approx([0.3, -0.2])
+    sides = np.linalg.norm(np.diff(corners, axis=0), axis=1)
+    assert sides == pytest.approx([a, b, a])
+    assert np.arctan2(*(corners[1] - corners[0])[::-1]) == pytest.approx(yaw, abs=1e-6)
+
+
+def made_up_recording(scene: dict[str, Any], steps: tuple[int, ...], rng: np.random.Generator) -> Recording:
+    """A rope that moves at random; an episode with no steps was planned and not executed."""
+    rope, episodes = np.array(scene["rope"]), []
+    for count in steps:
+        executed = rope + np.cumsum(rng.normal(0, 0.01, (count + 1, 1, 3)), axis=0)
+        tree = Branches(rng.normal(0, 0.3, (20, 2)), np.arange(20) // 2, rng.uniform(0.5, 1, 20))
+        seconds, trust = rng.uniform(0.1, 1, count), rng.uniform(0.5, 1, count)
+        episodes.append(Episode(tree, executed + 0.01, trust, executed, executed[:, -1:], seconds, 0.1))
+        rope = executed[-1]
+    return Recording("made-up", tuple(episodes), "goal", "It is there.")
+
+
+@given(st.lists(st.integers(0, 4), min_size=1, max_size=3), st.integers(0, 100))
+def test_frames_tell_the_trial_in_order(steps: list[int], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    recording = made_up_recording(synthetic.scene("s", rng), tuple(steps), rng)
+    shown = list(views(recording))
+    seconds = [view.seconds for view in shown]
+    assert seconds == sorted(seconds)
+    total = sum(episode.seconds.sum() + episode.planning_s for episode in recording.episodes)
+    assert seconds[-1] == pytest.approx(total)
+    assert shown[-1].ended
+    assert shown[-1].rope == pytest.approx(recording.episodes[-1].executed[-1])
+    assert shown[-1].plans == len(steps)
+
+
+def test_video_is_written_and_its_frames_are_not_empty(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    scene = synthetic.scene("s", rng)
+    panels = [Panel(made_up_recording(scene, (1,), rng), scene, 0) for _ in range(2)]
+    write_video(tmp_path / "v.mp4", panels)
+    assert (tmp_path / "v.mp4").read_bytes()[4:8] == b"ftyp"
+    last = [list(views(panel.recording))[-1] for panel in panels]
+    assert len(np.unique(np.asarray(frame(panels, last)).reshape(-1, 3), axis=0)) > 50
+
+
+def test_report_says_what_it_made(trials: Path, tmp_path: Path) -> None:
+    write_report([trials], tmp_path, videos=False)
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    assert manifest["kind"] == "report"
+    assert {"report.html", "report.md"} <= set(manifest["files"])
