@@ -20,7 +20,7 @@ def cell_centres(
     """Centres [m] of the cubic cells that fill `bounds`, and the centre of the first."""
     counts = np.maximum(1, np.ceil((bounds[1] - bounds[0]) / resolution - 1e-6).astype(int))
     origin = bounds[0] + resolution / 2
-    axes = [origin[i] + resolution * np.arange(counts[i]) for i in range(3)]
+    axes = [origin[i] + resolution * np.arange(int(counts[i]), dtype=float) for i in range(3)]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1), origin
 
 
@@ -86,7 +86,7 @@ class BoxEnvironment(Environment):
         return look_up(table, origin, self._resolution, points)
 
     def occupied(self, points: Float[np.ndarray, "*batch 3"]) -> Bool[np.ndarray, "*batch"]:
-        return self.signed_distance(points) < 0
+        return np.asarray(self.signed_distance(points) < 0)
 
     def occupancy(self, resolution: float) -> tuple[Bool[np.ndarray, "nx ny nz"], Float[np.ndarray, " 3"]]:
         if resolution not in self._occupancy:
@@ -143,7 +143,7 @@ class GridEnvironment(Environment):
         index = np.rint((points - self._origin) / self._resolution).astype(int)
         inside = ((index >= 0) & (index < self._grid.shape)).all(axis=-1)
         clipped = np.clip(index, 0, np.array(self._grid.shape) - 1)
-        return inside & self._grid[clipped[..., 0], clipped[..., 1], clipped[..., 2]]
+        return np.asarray(inside & self._grid[clipped[..., 0], clipped[..., 1], clipped[..., 2]])
 
     def occupancy(self, resolution: float) -> tuple[Bool[np.ndarray, "nx ny nz"], Float[np.ndarray, " 3"]]:
         centres, origin = cell_centres(self.bounds, resolution)

@@ -27,10 +27,10 @@ class PointGoal(Goal):
         self.position = np.array(position, float)
 
     def error(self, states: Float[np.ndarray, "*batch state"]) -> Float[np.ndarray, "*batch"]:
-        return np.linalg.norm(self.layout.points_of(states)[..., self.point, :] - self.position, axis=-1)
+        return np.asarray(np.linalg.norm(self.layout.points_of(states)[..., self.point, :] - self.position, axis=-1))
 
     def reached(self, states: Float[np.ndarray, "*batch state"]) -> Bool[np.ndarray, "*batch"]:
-        return self.error(states) < self.radius
+        return np.asarray(self.error(states) < self.radius)
 
     def sample(
         self, states: Float[np.ndarray, "batch state"], rng: np.random.Generator

@@ -70,4 +70,4 @@ def box_distance(boxes: Sequence[Box], points: Float[np.ndarray, "*batch 3"]) ->
         q = np.abs((points - np.array(box.position)) @ rotation) - np.array(box.size) / 2
         outside = np.linalg.norm(np.maximum(q, 0.0), axis=-1)
         distance = np.minimum(distance, outside + np.minimum(q.max(axis=-1), 0.0))
-    return distance
+    return np.asarray(distance)

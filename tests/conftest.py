@@ -1,0 +1,28 @@
+"""Shapes and types are checked at run time in tests; the authors' scenes are found, or their tests say why not."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+from jaxtyping import install_import_hook
+
+CHECKED = ("core", "geometry", "planning", "execution")
+install_import_hook([f"fairlead.{package}" for package in CHECKED], "typechecker.check")
+
+settings.register_profile("thorough", deadline=None, max_examples=500)
+settings.register_profile("quick", deadline=None, max_examples=25, derandomize=True)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture
+def authors_scenes() -> Path:
+    """The folder of the authors' scenes; they are not part of the repository."""
+    folder = Path(os.environ.get("FAIRLEAD_AUTHORS_SCENES", REPOSITORY.parent / "shared" / "scenes"))
+    if not folder.is_dir():
+        pytest.skip(f"the authors' scenes are not at {folder}; set FAIRLEAD_AUTHORS_SCENES to their folder")
+    return folder
