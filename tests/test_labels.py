@@ -15,7 +15,7 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.records import Prediction
 from fairlead.core.roles import Dynamics, Environment
 from fairlead.geometry.distance import model_error
-from fairlead.learning.labels import FIGURE_STEPS, label, label_counts
+from fairlead.learning.labels import FIGURE_STEPS, RULES, label
 from fairlead.learning.metrics import auroc, classification
 from rope_data import LAYOUT, follow, trajectories
 
@@ -86,7 +86,7 @@ def test_text_rule_drops_what_follows_the_first_zero(seed: int) -> None:
 
 def test_a_perfect_model_is_always_reliable_where_nothing_is_in_the_way() -> None:
     data = trajectories(5, 6, 0, np.random.default_rng(0))
-    counts = label_counts(FollowDynamics(0.0), data, DELTA)
+    counts = {rule: label(FollowDynamics(0.0), data, DELTA, rule).counts() for rule in RULES}
     assert counts == {
         "figure": {"examples": 5 * (6 + 5 + 4 + 3 + 2 + 1), "reliable": 1.0},
         "text": {"examples": 5 * 6, "reliable": 1.0},

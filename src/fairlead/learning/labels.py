@@ -55,6 +55,16 @@ class Examples:
         arrays = (self.labels[rows], self.error[rows], self.scene[rows], self.source[rows])
         return type(self)(self.layout, self.environments, chosen, *arrays)
 
+    def sample(self, limit: int, rng: np.random.Generator) -> Self:
+        """A uniform sample of `limit` examples in their order; all of them where there are no more."""
+        if len(self) <= limit:
+            return self
+        return self.take(np.sort(rng.choice(len(self), limit, replace=False)))
+
+    def counts(self) -> dict[str, Any]:
+        """Number of examples and the share of label 1."""
+        return {"examples": len(self), "reliable": float(self.labels.mean())}
+
     def by_scene(self) -> Iterator[tuple[Environment, Int[np.ndarray, " row"]]]:
         """Each environment with the rows of its examples."""
         for scene in np.unique(self.scene):
@@ -90,9 +100,7 @@ def label(
     )
     transitions = Transitions(states, actions, next_states, spread)
     examples = Examples(data.layout, data.environments, transitions, error < delta, error, scenes, source)
-    if limit is None or rng is None or len(examples) <= limit:
-        return examples
-    return examples.take(np.sort(rng.choice(len(examples), limit, replace=False)))
+    return examples if limit is None or rng is None else examples.sample(limit, rng)
 
 
 _Found = tuple[Float32[np.ndarray, "example _"], ...]
@@ -149,12 +157,3 @@ def _gather(
         error[rollout, step + 1].astype(np.float32),
         source,
     )
-
-
-def label_counts(dynamics: Dynamics, data: Trajectories, delta: float) -> dict[str, Any]:
-    """Number of examples and share of label 1 by each rule."""
-    counts: dict[str, Any] = {}
-    for rule in RULES:
-        labels = label(dynamics, data, delta, rule).labels
-        counts[rule] = {"examples": len(labels), "reliable": float(labels.mean())}
-    return counts

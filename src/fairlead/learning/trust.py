@@ -18,7 +18,7 @@ from fairlead.core.roles import Dynamics, Environment, TransitionCheck
 from fairlead.core.streams import stream, stream_seed
 from fairlead.geometry.voxels import VoxelGrid
 from fairlead.learning.fit import Stage, Task, fit
-from fairlead.learning.labels import Examples, label, label_counts
+from fairlead.learning.labels import RULES, Examples, label
 from fairlead.learning.metrics import balanced_log_loss, best_threshold, classification
 from fairlead.learning.model_files import Job, ModelFile, save_model
 from fairlead.learning.rollout import Splits
@@ -107,21 +107,12 @@ def probabilities(network: TrustNetwork, inputs: Inputs, count: int) -> Float[np
         return torch.sigmoid(torch.cat([network(*inputs(chunk)) for chunk in rows])).numpy()
 
 
-def trust_examples(
-    dynamics: Dynamics, data: Splits, delta: float, config: TrustConfig, seed: int
-) -> dict[str, Examples]:
-    """Labelled transitions of each split, no more than the configured number."""
-    limits = {"train": config.limit, "validation": -(-config.limit // 4), "test": -(-config.limit // 4)}
-    return {
-        name: label(dynamics, getattr(data, name), delta, config.rule, limit, stream(seed, "examples", name))
-        for name, limit in limits.items()
-    }
-
-
 def train_trust(dynamics: Dynamics, data: Splits, delta: float, config: TrustConfig, job: Job) -> LearnedCheck:
     """Label the data with the predictions of `dynamics` at `delta` [m], train a classifier and save it."""
     started = time.monotonic()
-    examples = trust_examples(dynamics, data, delta, config, job.seed)
+    whole = {name: label(dynamics, getattr(data, name), delta, config.rule) for name in ("train", "validation", "test")}
+    limits = {"train": config.limit, "validation": -(-config.limit // 4), "test": -(-config.limit // 4)}
+    examples = {name: e.sample(limits[name], stream(job.seed, "examples", name)) for name, e in whole.items()}
     network = build_network(data.layout, config, job.seed)
     task = TrustTask(network, examples["train"], examples["validation"])
     key, title = job.key(f"trust at {delta!r}", config), f"trust ({config.network})"
@@ -132,7 +123,8 @@ def train_trust(dynamics: Dynamics, data: Splits, delta: float, config: TrustCon
     metrics.update({f"test_{name}": metrics["test"][name] for name in ("accuracy", "precision", "recall", "auroc")})
     held_out = examples["validation"]
     metrics["spread_threshold_m"] = best_threshold(held_out.transitions.spread, held_out.labels)
-    metrics["rules"] = label_counts(dynamics, data.train, delta)
+    other = {rule: label(dynamics, data.train, delta, rule) for rule in RULES if rule != config.rule}
+    metrics["rules"] = {rule: e.counts() for rule, e in {config.rule: whole["train"], **other}.items()}
     save_model(
         job, "trust", config.network, data.layout, config, network.state_dict(), metrics, time.monotonic() - started
     )

@@ -37,7 +37,8 @@ class VoxelEncoder(nn.Module):
         convolution, pool = (nn.Conv2d, nn.MaxPool2d) if planar else (nn.Conv3d, nn.MaxPool3d)
         layers: list[nn.Module] = []
         for layer in range(LAYERS):
-            layers += [convolution(FILTERS if layer else channels, FILTERS, 3), nn.ReLU(), pool(2)]
+            # ReLU after the pool is the same as before it, on a quarter of the numbers.
+            layers += [convolution(FILTERS if layer else channels, FILTERS, 3), pool(2), nn.ReLU()]
         self.layers = nn.Sequential(*layers)
         sizes = [self._left(cells) for cells in (grid.shape[:2] if planar else grid.shape)]
         if min(sizes) < 1:
