@@ -1,0 +1,153 @@
+"""Trials: the same rows at any number of workers and after any interruption; no other configuration in the folder."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fairlead.core.artifacts import MANIFEST, append_jsonl, read_jsonl, read_manifest
+from fairlead.core.budget import Budget
+from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
+from fairlead.core.traces import read_trace
+from fairlead.evaluation.bench import TrialsConfig, scaled
+from fairlead.evaluation.methods import CHECKS, DYNAMICS, METHODS, RECOVERIES, find_method
+from fairlead.evaluation.trials import TRIALS, Trials, repair
+from fairlead.learning.dynamics import DynamicsConfig, Ensemble
+from fairlead.learning.model_files import Job, save_model
+from fairlead.scenarios.registry import scenario
+from fairlead.scenarios.scene_files import write_scenes
+
+ROW = {
+    "scenario", "scenes", "scene", "method", "seed", "success", "error_m", "planning_s", "execution_s", "extensions",
+    "plans", "recovery_actions", "actions", "outcome", "first_plan_success", "first_plan_error_m", "times_stuck",
+    "reached_at_s", "budget", "protocol",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory: pytest.TempPathFactory) -> TrialsConfig:
+    """Two methods on two scenes, with a dynamics model that was never trained, and a small counted budget."""
+    folder, world = tmp_path_factory.mktemp("inputs"), scenario("dragging")
+    scenes = [world.random_scene(np.random.default_rng(seed), f"scene-{seed}") for seed in range(2)]
+    write_scenes(folder / "made.json", "dragging", scenes, "a test")
+    settings = DynamicsConfig(hidden=8, members=2)
+    tensors = Ensemble(world.layout, settings, 0).state_dict()
+    job = Job(folder / "models" / "dynamics", "dragging")
+    save_model(job, "dynamics", settings.network, world.layout, settings, tensors, {"delta_m": 0.1}, 0.0)
+    methods = ("collision-check", "accept-all")
+    return TrialsConfig("dragging", folder / "models", folder / "made.json", methods, Budget(extensions=300), traced=1)
+
+
+@pytest.fixture(scope="module")
+def finished(config: TrialsConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of an uninterrupted run with one worker."""
+    out = tmp_path_factory.mktemp("out") / "trials"
+    Trials(config, out).run(workers=1)
+    return out
+
+
+def rows(out: Path) -> list[dict[str, Any]]:
+    return sorted(read_jsonl(out / TRIALS), key=lambda row: (row["scene"], row["method"], row["seed"]))
+
+
+def test_rows_have_the_fields_that_users_read(finished: Path) -> None:
+    found = rows(finished)
+    assert len(found) == 4
+    assert all(set(row) == ROW for row in found)
+    assert {row["extensions"] for row in found} <= set(range(301))
+
+
+def test_the_number_of_workers_does_not_matter(config: TrialsConfig, finished: Path, tmp_path: Path) -> None:
+    summary = Trials(config, tmp_path).run(workers=2)
+    assert rows(tmp_path) == rows(finished)
+    assert summary["order"] == list(config.methods)
+
+
+def test_an_interrupted_run_goes_on_to_the_same_rows(config: TrialsConfig, finished: Path, tmp_path: Path) -> None:
+    def stop(row: dict[str, Any]) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        Trials(config, tmp_path).run(workers=1, ended=stop)
+    assert len(rows(tmp_path)) == 1
+    assert not (tmp_path / MANIFEST).exists()
+    with (tmp_path / TRIALS).open("a") as file:
+        file.write('{"scenario": "dragg')
+    again = Trials(config, tmp_path)
+    assert len(again.missing) == 3
+    again.run(workers=1)
+    assert rows(tmp_path) == rows(finished)
+    assert read_manifest(tmp_path, "trials").extra == {"trials": 4, "scenes": 2}
+
+
+def test_a_finished_folder_stays_as_it_is(config: TrialsConfig, finished: Path) -> None:
+    before = {path: path.read_bytes() for path in finished.rglob("*") if path.is_file()}
+    assert Trials(config, finished).missing == []
+    Trials(config, finished).run()
+    assert {path: path.read_bytes() for path in finished.rglob("*") if path.is_file()} == before
+
+
+def test_traces_are_kept_where_asked(config: TrialsConfig, finished: Path) -> None:
+    kept = sorted(path.relative_to(finished / "traces") for path in (finished / "traces").glob("*/*"))
+    assert kept == [Path(method, "scene-0-0") for method in sorted(config.methods)]
+    trace = read_trace(finished / "traces" / "accept-all" / "scene-0-0")
+    (row,) = [row for row in rows(finished) if (row["scene"], row["method"]) == ("scene-0", "accept-all")]
+    assert trace.outcome.label == row["outcome"]
+    assert len(trace.actions) == row["actions"]
+
+
+@pytest.mark.parametrize("change", [{"budget": Budget(seconds=1)}, {"planner": "ompl"}])
+def test_another_configuration_is_refused(config: TrialsConfig, finished: Path, change: dict[str, Any]) -> None:
+    with pytest.raises(ArtifactError, match=next(iter(change))):
+        Trials(replace(config, **change), finished)
+
+
+def test_a_missing_model_is_found_before_anything_is_written(config: TrialsConfig, tmp_path: Path) -> None:
+    with pytest.raises(ArtifactError, match="trust"):
+        Trials(replace(config, methods=("accept-all", "trust")), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_every_row_of_the_table_can_be_built() -> None:
+    for method in METHODS.values():
+        assert method.dynamics in {*DYNAMICS, "simulator"}
+        assert method.check in CHECKS
+        assert method.recovery in RECOVERIES
+        assert method.sentence.endswith(".")
+
+
+def test_mistakes_name_what_is_allowed(config: TrialsConfig) -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'accept-all'"):
+        find_method("acept-all")
+    with pytest.raises(FairleadError, match="methods"):
+        replace(config, methods=("trust", "trust"))
+    with pytest.raises(FairleadError, match="seeds"):
+        replace(config, seeds=())
+
+
+@given(st.floats(1, 100), st.floats(1, 10))
+def test_scaled_budgets_keep_their_unit(amount: float, factor: float) -> None:
+    assert scaled(Budget(seconds=amount), factor) == Budget(seconds=amount * factor)
+    assert scaled(Budget(extensions=amount), factor) == Budget(extensions=amount * factor)
+
+
+@given(
+    st.lists(st.dictionaries(st.text(max_size=5), st.integers()), max_size=4), st.text(alphabet='{"a: 1', max_size=9)
+)
+def test_repair_keeps_whole_lines_and_nothing_else(
+    tmp_path_factory: pytest.TempPathFactory, whole: list, rest: str
+) -> None:
+    path = tmp_path_factory.mktemp("repair") / TRIALS
+    for row in whole:
+        append_jsonl(path, row)
+    with path.open("a") as file:
+        file.write(rest)
+    repair(path)
+    append_jsonl(path, {"new": 1})
+    assert list(read_jsonl(path)) == [*whole, {"new": 1}]
