@@ -101,7 +101,7 @@ def wedged(scenario: Dragging, rng: np.random.Generator) -> Draft:
     """The rope starts folded into the angle of an L-shaped corner."""
     centre, yaw = rng.uniform(-0.5, 0.5, 2), rng.uniform(-np.pi, np.pi)
     inner = np.array([0.17 - 0.024, 0.04 + 0.024])
-    path = np.array([[*inner, -0.2, 0.06], [*inner, -0.22, 0.0], inner, [*inner, 0.0, 0.1], [*inner, -0.05, 0.2]])
+    path = inner + np.array([[-0.20, 0.06], [-0.22, 0.0], [0.0, 0.0], [0.0, 0.1], [-0.05, 0.2]])
     fixed = {"corner1": _on_floor(CORNER, "corner1", tuple(centre), float(yaw))}
     state = _lay_along(scenario, centre + _turn(path[:: rng.choice([-1, 1])], yaw))
     goal = rng.uniform(-0.7, 0.7, 2)
