@@ -1,0 +1,122 @@
+"""The command line: what it says, its exit codes, and one line for a user's mistake."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from fairlead.cli import main as cli
+from fairlead.data.collect import CollectConfig, collect
+from fairlead.scenarios.registry import SCENARIOS
+from fakes import FakeScenario
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
+    monkeypatch.setattr(sys, "argv", ["fairlead", *map(str, arguments)])
+    try:
+        cli.main()
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+@pytest.fixture
+def dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setitem(SCENARIOS, "fake", FakeScenario)
+    collect(FakeScenario(), CollectConfig(2, 16, lanes=8, steps=3), tmp_path / "d")
+    return tmp_path / "d"
+
+
+def test_help_lists_every_command_and_imports_no_engine() -> None:
+    heavy = (
+        "import sys; from fairlead.cli.main import run; run(['--help']); print({'torch', 'mujoco'} & set(sys.modules))"
+    )
+    out = subprocess.run([sys.executable, "-c", heavy], capture_output=True, text=True, check=True).stdout
+    assert all(f"\n  {name} " in out for name in cli.COMMANDS)
+    assert out.endswith("set()\n")
+
+
+@pytest.mark.parametrize("name", cli.COMMANDS)
+def test_every_command_has_help_and_refuses_what_it_does_not_know(
+    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert import_module(f"fairlead.cli.{name}").Command
+    assert call(monkeypatch, name, "--help") == 0
+    assert f"fairlead {name}" in capsys.readouterr().out
+    assert call(monkeypatch, name, "--no-such-option") == 2
+
+
+def test_collect_info_and_verify_agree(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(SCENARIOS, "fake", FakeScenario)
+    options = ("--phase", 2, "--trajectories", 20, "--lanes", 8, "--steps", 4, "--out", tmp_path / "d", "--json")
+    assert call(monkeypatch, "collect", "fake", *options) == 0
+    collected = json.loads(capsys.readouterr().out)
+    assert call(monkeypatch, "data", "info", tmp_path / "d", "--json") == 0
+    assert json.loads(capsys.readouterr().out) == collected
+    assert call(monkeypatch, "data", "verify", tmp_path / "d", "--json") == 0
+    verified = json.loads(capsys.readouterr().out)
+    assert verified["trajectories"] == collected["trajectories"] == 20
+    assert call(monkeypatch, "data", "info", tmp_path / "d") == 0
+    assert "trajectories" in capsys.readouterr().out
+
+
+def test_mistakes_are_one_line_and_exit_code_2(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shard = dataset / "shard-00001.parquet"
+    shard.write_bytes(shard.read_bytes()[:50])
+    new = ("--out", tmp_path / "new")
+    cases = {
+        ("colect",): "did you mean 'collect'",
+        ("collect", "draging", "--phase", 1, *new): "did you mean 'dragging'",
+        ("collect", "fake", "--phase", 3, *new): "phase 3",
+        ("collect", "fake", "--phase", 1, "--trajectories", 0, *new): "trajectories 0",
+        ("collect", "fake", "--phase", 1, "--out", dataset): "another dataset is here",
+        ("collect", "fake", "--phase", 1, "--out", shard / "below"): "Not a directory",
+        ("data", "info", tmp_path): "no manifest.json",
+        ("data", "verify", dataset): "shard-00001.parquet: damaged",
+    }
+    for arguments, expected in cases.items():
+        assert call(monkeypatch, *arguments) == 2, arguments
+        lines = capsys.readouterr().err.strip().splitlines()
+        assert lines[-1].startswith("fairlead: ")
+        assert expected in lines[-1]
+        assert not any("Traceback" in line for line in lines)
+    assert not (tmp_path / "new").exists()
+
+
+def test_an_interruption_is_one_line_and_exit_code_130(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "fairlead.cli.main", "collect", "dragging", "--phase", "1"]
+    options = ["--trajectories", "1000", "--lanes", "2", "--out", str(tmp_path / "d")]
+    process = subprocess.Popen(
+        [*command, *options], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
+        env=os.environ | {"OMP_NUM_THREADS": "1"},
+    )  # fmt: skip
+    while process.poll() is None and not (tmp_path / "d" / "shard-00000.parquet").exists():
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate()
+    assert process.returncode == 130
+    assert error.strip().splitlines()[-1].startswith("fairlead: interrupted")
+    assert "Traceback" not in error
+    assert (tmp_path / "d" / "progress.json").exists()
+
+
+def test_doctor_finds_what_the_tests_run_with(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = call(monkeypatch, "doctor", "--json")
+    found = json.loads(capsys.readouterr().out)
+    assert code == (2 if any(str(value).startswith("missing") for value in found.values()) else 0)
+    assert found["python"].startswith("3.")
+    assert found["mujoco"][0].isdigit()

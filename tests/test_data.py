@@ -1,0 +1,291 @@
+"""Laws of collection and of the dataset on disk, on a scenario without physics."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fairlead.core.artifacts import MANIFEST, read_manifest, sha256
+from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
+from fairlead.core.records import ActionOutcome
+from fairlead.data.collect import CollectConfig, collect
+from fairlead.data.recording import PROGRESS
+from fairlead.data.shards import SPLITS, Shard, read_shard, schema, split_of
+from fairlead.data.store import SCENES, load, scenes_from_json, shards_of
+from fairlead.data.verify import info, verify
+from fairlead.scenarios.registry import SCENARIOS
+from fakes import LAYOUT, LINK, FakeScenario
+
+CONFIG = CollectConfig(phase=2, trajectories=16 * 9 + 3, seed=5, lanes=16, steps=6)
+
+
+@pytest.fixture(autouse=True)
+def _fake_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(SCENARIOS, "fake", FakeScenario)
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("data") / "whole"
+    collect(FakeScenario(), CONFIG, folder)
+    return folder
+
+
+def contents(folder: Path) -> dict[str, str]:
+    """Hashes of everything but the manifest, which also says when and where it was made."""
+    return {path.name: sha256(path) for path in folder.iterdir() if path.name != MANIFEST}
+
+
+def all_shards(folder: Path) -> list[Shard]:
+    return [shard for _, shard in shards_of(folder, read_manifest(folder, "dataset"))]
+
+
+def test_every_trajectory_is_there_once_in_one_split(dataset: Path) -> None:
+    splits = [load(dataset, split) for split in SPLITS]
+    assert sum(map(len, splits)) == CONFIG.trajectories
+    episodes = np.concatenate([shard.episode for shard in all_shards(dataset)])
+    assert sorted(episodes) == list(range(CONFIG.trajectories))
+    assert verify(dataset)["transitions"] == CONFIG.trajectories * CONFIG.steps
+
+
+def test_no_scene_and_no_lane_is_in_two_splits(dataset: Path) -> None:
+    scenes = [set(load(dataset, split).scene.tolist()) for split in SPLITS]
+    assert all(scenes)
+    assert sum(map(len, scenes)) == len(set.union(*scenes))
+    for shard in all_shards(dataset):
+        assert [split_of(lane) for lane in shard.lane] == shard.split.tolist()
+
+
+def test_lanes_go_on_without_a_reset_and_obstacles_move_every_eighth_trajectory(dataset: Path) -> None:
+    shards = all_shards(dataset)
+    for index, (before, after) in enumerate(pairwise(shards), 1):
+        count = len(after.lane)
+        np.testing.assert_array_equal(before.states[:count, -1], after.states[:, 0])
+        assert (before.scene[:count] == after.scene).all() == (index % 8 != 0)
+
+
+def test_obstacles_are_drawn_clear_of_the_rope(dataset: Path) -> None:
+    scenes = scenes_from_json(dataset / SCENES, json.loads((dataset / SCENES).read_text()))
+    for index in (0, 8):
+        shard = all_shards(dataset)[index]
+        for scene, state in zip(shard.scene, shard.states[:, 0], strict=True):
+            distance = FakeScenario().environment(scenes[scene]).signed_distance(state.astype(float).reshape(-1, 3))
+            assert distance.min() > 0.019
+
+
+def test_a_displacement_repeats_four_times_of_five_but_never_after_a_block(tmp_path: Path) -> None:
+    collect(FakeScenario(), CollectConfig(2, 64, lanes=64, steps=50), tmp_path / "d")
+    (shard,) = all_shards(tmp_path / "d")
+    wanted = shard.actions - LAYOUT.grippers_of(shard.states[:, :-1])[:, :, 0]
+    inside = (np.abs(shard.actions) < 0.899).all(axis=-1)  # a target at the edge was clipped, and its displacement
+    comparable = inside[:, 1:] & inside[:, :-1]
+    same = np.abs(np.diff(wanted, axis=1)).max(axis=-1) < 1e-5
+    blocked = shard.outcomes[:, :-1] == tuple(ActionOutcome).index(ActionOutcome.TIMEOUT)
+    assert blocked.sum() > 10
+    assert not same[blocked].any()
+    assert 0.75 < same[comparable & ~blocked].mean() < 0.85
+
+
+def test_a_diverged_trajectory_is_dropped_counted_and_its_lane_starts_afresh(tmp_path: Path) -> None:
+    manifest = collect(FakeScenario(fragile=0.7), CONFIG, tmp_path / "d")
+    assert manifest.extra["diverged"] > 5
+    assert manifest.extra["diverged"] + manifest.extra["trajectories"] == CONFIG.trajectories
+    assert "diverged" not in manifest.extra["outcomes"]
+    shards = all_shards(tmp_path / "d")
+    for before, after in pairwise(shards):
+        fresh = ~np.isin(after.lane, before.lane)
+        assert not np.isin(after.scene[fresh], before.scene).any()
+    verify(tmp_path / "d")
+
+
+def test_a_phase_1_dataset_has_no_obstacles_and_other_draws(tmp_path: Path, dataset: Path) -> None:
+    collect(FakeScenario(), CollectConfig(1, 16, seed=5, lanes=16, steps=6), tmp_path / "d")
+    assert json.loads((tmp_path / "d" / SCENES).read_text()) == [[]]
+    one, two = all_shards(tmp_path / "d")[0].actions, all_shards(dataset)[0].actions
+    assert not np.isin(one[..., :2], two[..., :2]).any()
+
+
+def test_fewer_trajectories_than_lanes(tmp_path: Path) -> None:
+    manifest = collect(FakeScenario(), CollectConfig(1, 3), tmp_path / "d")
+    assert manifest.extra["trajectories"] == 3
+    with pytest.raises(ArtifactError, match="at least eight lanes"):
+        load(tmp_path / "d", "test")
+
+
+def test_a_finished_dataset_is_left_as_it_is_and_another_configuration_is_refused(dataset: Path) -> None:
+    before = {path.name: path.stat().st_mtime_ns for path in dataset.iterdir()}
+    collect(FakeScenario(), CONFIG, dataset)
+    assert before == {path.name: path.stat().st_mtime_ns for path in dataset.iterdir()}
+    with pytest.raises(ArtifactError, match="seed is 5, not 6"):
+        collect(FakeScenario(), CollectConfig(2, CONFIG.trajectories, 6, 16, 6), dataset)
+
+
+def test_a_folder_with_something_else_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("")
+    with pytest.raises(ArtifactError, match="not empty"):
+        collect(FakeScenario(), CONFIG, tmp_path)
+
+
+def interrupt_after(transitions: int) -> Callable[[int], None]:
+    left = [transitions]
+
+    def advance(count: int) -> None:
+        left[0] -= count
+        if left[0] < 0:
+            raise KeyboardInterrupt
+
+    return advance
+
+
+@pytest.mark.parametrize("stop", [1, 40, 300, 700])
+def test_an_interrupted_run_goes_on_to_the_same_bytes(tmp_path: Path, dataset: Path, stop: int) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        collect(FakeScenario(), CONFIG, tmp_path / "d", advance=interrupt_after(stop))
+    with pytest.raises(ArtifactError, match="not a finished dataset"):
+        load(tmp_path / "d", "train")
+    collect(FakeScenario(), CONFIG, tmp_path / "d")
+    assert contents(tmp_path / "d") == contents(dataset)
+
+
+def test_resuming_verifies_hashes(tmp_path: Path, dataset: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        collect(FakeScenario(), CONFIG, tmp_path / "d", advance=interrupt_after(600))
+    damaged = tmp_path / "d" / "shard-00002.parquet"
+    damaged.write_bytes(damaged.read_bytes()[:-5])
+    collect(FakeScenario(), CONFIG, tmp_path / "d")
+    assert contents(tmp_path / "d") == contents(dataset)
+
+
+RUN = """
+import sys
+from pathlib import Path
+from fakes import FakeScenario
+from fairlead.data.collect import collect
+from test_data import CONFIG
+collect(FakeScenario(), CONFIG, Path(sys.argv[1]))
+"""
+
+
+def test_killed_at_random_moments_the_run_ends_in_the_same_bytes(tmp_path: Path, dataset: Path) -> None:
+    rng, folder, kills = np.random.default_rng(0), tmp_path / "d", 0
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent), "OMP_NUM_THREADS": "1"}
+    finished = False
+    while not finished:
+        before = len(list(folder.glob("shard-*")))
+        process = subprocess.Popen([sys.executable, "-c", RUN, str(folder)], env=environment)
+        if kills < 5:
+            while process.poll() is None and len(list(folder.glob("shard-*"))) <= before:
+                time.sleep(0.001)
+            time.sleep(rng.uniform(0, 0.03))
+            process.send_signal(signal.SIGKILL)
+        finished = process.wait() == 0
+        kills += not finished
+    assert kills > 1
+    assert contents(folder) == contents(dataset)
+    assert not (folder / PROGRESS).exists()
+
+
+@given(
+    lanes=st.integers(0, 5),
+    steps=st.integers(1, 4),
+    seed=st.integers(0, 99),
+)
+def test_a_shard_survives_the_round_trip_and_its_bytes_are_its_contents(
+    tmp_path_factory: pytest.TempPathFactory, lanes: int, steps: int, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    shard = Shard(
+        episode=rng.integers(0, 1000, lanes),
+        lane=rng.integers(0, 64, lanes),
+        scene=rng.integers(0, 9, lanes),
+        split=rng.choice(SPLITS, lanes),
+        states=rng.normal(size=(lanes, steps + 1, LAYOUT.state_size)).astype(np.float32),
+        actions=rng.normal(size=(lanes, steps, LAYOUT.action_size)).astype(np.float32),
+        seconds=rng.random((lanes, steps)).astype(np.float32),
+        outcomes=rng.integers(0, len(ActionOutcome), (lanes, steps)),
+    )
+    path = tmp_path_factory.mktemp("shard") / "shard.parquet"
+    path.write_bytes(shard.to_bytes(LAYOUT))
+    read = read_shard(path, LAYOUT, steps)
+    for name in shard.__dataclass_fields__:
+        np.testing.assert_array_equal(getattr(read, name), getattr(shard, name), err_msg=name)
+    assert read.to_bytes(LAYOUT) == path.read_bytes()
+    assert pq.read_schema(path).names == schema(LAYOUT).names
+
+
+def rewrite(folder: Path, name: str, shard: Shard) -> None:
+    """Replace a shard, with a manifest that vouches for it."""
+    (folder / name).write_bytes(shard.to_bytes(LAYOUT))
+    manifest = json.loads((folder / MANIFEST).read_text())
+    manifest["files"][name] = sha256(folder / name)
+    (folder / MANIFEST).write_text(json.dumps(manifest))
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Path:
+    collect(FakeScenario(), CollectConfig(2, 16, lanes=8, steps=3), tmp_path / "d")
+    return tmp_path / "d"
+
+
+def test_verify_names_a_truncated_shard(small: Path) -> None:
+    path = small / "shard-00001.parquet"
+    path.write_bytes(path.read_bytes()[:100])
+    for read in (verify, lambda folder: load(folder, "train")):
+        with pytest.raises(ArtifactError, match=r"shard-00001\.parquet: damaged"):
+            read(small)
+    manifest = json.loads((small / MANIFEST).read_text())
+    manifest["files"][path.name] = sha256(path)
+    (small / MANIFEST).write_text(json.dumps(manifest))
+    with pytest.raises(ArtifactError, match=r"shard-00001\.parquet: not a readable shard"):
+        verify(small)
+
+
+@pytest.mark.parametrize(
+    ("value", "problem"),
+    [(np.nan, "not finite"), (3.0, "outside the scenario's bounds"), (None, "stretched")],
+)
+def test_verify_names_the_step_of_an_impossible_state(small: Path, value: float | None, problem: str) -> None:
+    shard = all_shards(small)[0]
+    if value is None:
+        shard.states[4, 2, 3:5] = shard.states[4, 2, 6:8] + 1.05 * LINK / np.sqrt(2)
+    else:
+        shard.states[4, 2, 3] = value
+    rewrite(small, "shard-00000.parquet", shard)
+    with pytest.raises(ArtifactError, match=rf"shard-00000\.parquet: episode 4, step 2: .*{problem}"):
+        verify(small)
+
+
+def test_verify_counts(small: Path) -> None:
+    manifest = json.loads((small / MANIFEST).read_text())
+    manifest["extra"]["trajectories"] += 1
+    (small / MANIFEST).write_text(json.dumps(manifest))
+    with pytest.raises(ArtifactError, match="the shards hold trajectories 16, the manifest says 17"):
+        verify(small)
+
+
+def test_info_needs_the_manifest_alone(small: Path) -> None:
+    for path in small.glob("shard-*"):
+        path.unlink()
+    found = info(small)
+    assert (found["trajectories"], found["shards"], found["scenario"]) == (16, 2, "fake")
+
+
+def test_mistakes_are_named(small: Path) -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'train'"):
+        load(small, "trian")
+    for wrong in ({"phase": 3}, {"trajectories": 0}, {"lanes": 0}, {"steps": -1}):
+        with pytest.raises(FairleadError, match=next(iter(wrong))):
+            CollectConfig(**{"phase": 1, "trajectories": 8} | wrong)
