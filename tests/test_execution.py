@@ -58,7 +58,7 @@ def trial(task, budget=COUNTED, protocol=Protocol.PAPER, seed=0, world=None, **r
 
 
 @given(seed=st.integers(0, 2**32))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 def test_a_trial_ends_in_the_goal_or_with_the_budget_and_can_be_repeated(seed):
     def clock() -> float:
         raise AssertionError("the clock was read under a counted budget")

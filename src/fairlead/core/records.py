@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -16,6 +16,8 @@ from fairlead.core.layout import StateLayout
 if TYPE_CHECKING:
     from fairlead.core.roles import Environment
 
+Member = TypeVar("Member", bound="Explained")
+
 
 class Explained(Enum):
     """An enumeration whose members carry a sentence for people."""
@@ -25,7 +27,7 @@ class Explained(Enum):
         self.sentence = sentence
 
     @classmethod
-    def of(cls, label: str) -> Self:
+    def of(cls: type[Member], label: str) -> Member:
         """The member with that label; UnknownNameError if there is none."""
         for member in cls:
             if member.label == label:

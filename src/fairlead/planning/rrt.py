@@ -31,7 +31,7 @@ class BatchedRRT(Planner):
         candidates: nearest nodes are looked for among at most this many random nodes.
     """
 
-    def __init__(self, settings: SearchSettings = PAPER, lanes: int = 128, candidates: int = 2048) -> None:
+    def __init__(self, settings: SearchSettings = PAPER, lanes: int = 128, candidates: int = 1024) -> None:
         if min(lanes, candidates) < 1:
             raise FairleadError("lanes and candidates must be positive")
         self.settings, self.lanes, self.candidates = settings, lanes, candidates

@@ -25,7 +25,7 @@ class Tree:
         candidates: nearest nodes are looked for among at most this many random nodes.
     """
 
-    def __init__(self, problem: Problem, start: Float[np.ndarray, " state"], candidates: int = 2048) -> None:
+    def __init__(self, problem: Problem, start: Float[np.ndarray, " state"], candidates: int = 1024) -> None:
         self._goal, self._metric, self._candidates = problem.goal, Metric(problem.layout), candidates
         root = np.asarray(start, float)[None]
         encoding = problem.check.encode(problem.environment, root)
