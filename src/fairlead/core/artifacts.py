@@ -9,10 +9,10 @@ import platform
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from fairlead.core.errors import ArtifactError
 
@@ -150,14 +150,16 @@ def read_manifest(folder: Path, kind: str) -> Manifest:
     path = folder / MANIFEST
     if not path.exists():
         raise ArtifactError(folder, f"no {MANIFEST}: not a finished {kind} (resume or run the stage that makes it)")
-    found = read_json(path)
+    value = read_json(path)
+    found = cast(dict[str, Any], value) if isinstance(value, dict) else {}
     if found.get("schema") != SCHEMA:
         raise ArtifactError(path, f"schema {found.get('schema')!r}; this version reads {SCHEMA}")
     if found.get("kind") != kind:
         raise ArtifactError(path, f"this is a {found.get('kind')!r}; a {kind!r} is needed here")
-    return Manifest(
-        kind, found["config"], found["seed"], found["files"], found["inputs"], found["extra"], found["wall_s"]
-    )
+    keys = [field.name for field in fields(Manifest)]
+    if missing := [key for key in keys if key not in found]:
+        raise ArtifactError(path, f"missing: {', '.join(missing)}")
+    return Manifest(**{key: found[key] for key in keys})
 
 
 def verify_files(folder: Path, manifest: Manifest) -> None:
