@@ -36,6 +36,7 @@ class DynamicsConfig:
     Args:
         network: a name in `NETWORKS`.
         hidden: hidden units of a layer (the paper's network: 1024).
+        blocks: residual blocks of `chain`; `mlp` has none.
         members: networks in the ensemble.
         planar: the object moves in a horizontal plane, and alike in every direction: heights are left alone, the
             local frame is turned with the action, and half of the training examples are mirrored.
@@ -45,6 +46,7 @@ class DynamicsConfig:
 
     network: str = "chain"
     hidden: int = 256
+    blocks: int = 3
     members: int = 8
     planar: bool = True
     stages: tuple[Stage, ...] = _STAGES
@@ -65,7 +67,7 @@ class Ensemble(nn.Module):
         super().__init__()
         self.layout, self.planar, self.members = layout, config.planar, config.members
         self.axes = 2 if config.planar else 3
-        shape = Shape(config.members, len(layout.grippers), layout.points, self.axes, config.hidden)
+        shape = Shape(config.members, len(layout.grippers), layout.points, self.axes, config.hidden, config.blocks)
         generator = torch.Generator().manual_seed(stream_seed(seed, "dynamics", "weights"))
         self.network = NETWORKS[config.network](shape, generator)
 

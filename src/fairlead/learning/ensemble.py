@@ -30,3 +30,33 @@ def ensemble_mlp(members: int, sizes: tuple[int, ...], generator: torch.Generato
     for inputs, outputs in itertools.pairwise(sizes):
         layers += [EnsembleLinear(members, inputs, outputs, generator), nn.ReLU()]
     return nn.Sequential(*layers[:-1])
+
+
+class ResidualStack(nn.Module):
+    """x_0 = W x;  x_{i+1} = x_i + W'' SiLU(W' norm(x_i));  y = V norm(x_n), with V = 0 at first."""
+
+    def __init__(
+        self, members: int, inputs: int, hidden: int, blocks: int, outputs: int, generator: torch.Generator
+    ) -> None:
+        super().__init__()
+        self.first = EnsembleLinear(members, inputs, hidden, generator)
+        self.blocks = nn.ModuleList(
+            nn.Sequential(
+                nn.LayerNorm(hidden, elementwise_affine=False),
+                EnsembleLinear(members, hidden, hidden, generator),
+                nn.SiLU(),
+                EnsembleLinear(members, hidden, hidden, generator),
+            )
+            for _ in range(blocks)
+        )
+        self.norm = nn.LayerNorm(hidden, elementwise_affine=False)
+        self.last = EnsembleLinear(members, hidden, outputs, generator)
+        nn.init.zeros_(self.last.weight)
+        nn.init.zeros_(self.last.bias)
+
+    def forward(self, x: Float[Tensor, "member batch inputs"]) -> Float[Tensor, "member batch outputs"]:
+        """All layers."""
+        x = self.first(x)
+        for block in self.blocks:
+            x = x + block(x)
+        return self.last(self.norm(x))

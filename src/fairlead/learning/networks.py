@@ -15,18 +15,19 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from fairlead.learning.ensemble import ensemble_mlp
+from fairlead.learning.ensemble import ResidualStack, ensemble_mlp
 
 
 @dataclass(frozen=True)
 class Shape:
-    """Sizes: ensemble members, grippers, rope points, axes (2 in the plane), hidden units."""
+    """Sizes: ensemble members, grippers, rope points, axes (2 in the plane), hidden units, residual blocks."""
 
     members: int
     grippers: int
     points: int
     axes: int
     hidden: int
+    blocks: int
 
 
 class DynamicsNetwork(nn.Module, ABC):
@@ -67,15 +68,15 @@ class Chain(DynamicsNetwork):
     """Knows that the rope is a chain: reads its links, predicts how they turn, and hangs them on the gripper.
 
     The gripper goes to its target up to a residual. Points follow from the (last) gripper by summing the predicted
-    links, so a change near the gripper carries all that hangs on it.
+    links, so a change near the gripper carries all that hangs on it. At first nothing turns: the rope is carried along.
     """
 
     def __init__(self, shape: Shape, generator: torch.Generator) -> None:
         super().__init__()
         moved, links = shape.grippers * shape.axes, shape.points * shape.axes
         other = (shape.grippers - 1) * shape.axes
-        sizes = (links + other + moved, shape.hidden, shape.hidden, shape.hidden, moved + links)
-        self.layers = ensemble_mlp(shape.members, sizes, generator)
+        inputs, outputs = links + other + moved, moved + links
+        self.layers = ResidualStack(shape.members, inputs, shape.hidden, shape.blocks, outputs, generator)
 
     def forward(
         self,
