@@ -79,6 +79,14 @@ def test_stuck_states_are_paired_with_their_action_successor_and_environment() -
     assert found.examined == 160
 
 
+def test_a_few_transitions_of_many_scenes_may_be_examined() -> None:
+    data = trajectories(20, 8, 10, np.random.default_rng(0))
+    network = LearnedCheck(build_network(LAYOUT, TrustConfig("sdf", hidden=8), 0))
+    found = recovery_examples(DYNAMICS, network, SAMPLER, data, 6, 3, np.random.default_rng(1))
+    assert found.examined == 3
+    assert len(found) <= 3
+
+
 @pytest.mark.parametrize("config", [TrustConfig("sdf", hidden=8), VOXEL])
 def test_inputs_of_the_head_belong_to_their_own_row(config: TrustConfig) -> None:
     data = trajectories(12, 5, 3, np.random.default_rng(3))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -13,14 +14,16 @@ import torch
 from fairlead.core.contracts import check_transition_check
 from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
 from fairlead.core.layout import StateLayout
-from fairlead.geometry.voxels import VoxelGrid
+from fairlead.geometry.fields import BoxEnvironment
+from fairlead.geometry.shapes import Box
+from fairlead.geometry.voxels import Occupancy, VoxelGrid
 from fairlead.learning.fit import Stage
 from fairlead.learning.labels import label
 from fairlead.learning.model_files import Job
 from fairlead.learning.registry import load_check
 from fairlead.learning.trust import LearnedCheck, balanced_order, build_network, probabilities, train_trust
 from fairlead.learning.trust_network import PAPER_GRID, TrustConfig
-from fairlead.learning.trust_voxel import VoxelEncoder
+from fairlead.learning.trust_voxel import VoxelEncoder, transformed, transformed_grid
 from rope_data import LAYOUT, splits
 from test_labels import DELTA, FollowDynamics
 
@@ -96,6 +99,28 @@ def test_mirroring_an_example_mirrors_its_features() -> None:
     assert was_flipped.any()
     assert not was_flipped.all()
     np.testing.assert_allclose(flipped.numpy()[was_flipped], reflected[was_flipped], atol=1e-4)
+
+
+@pytest.mark.parametrize("symmetry", list(itertools.product([0, 1], repeat=3)))
+def test_a_transformed_grid_is_the_grid_of_the_transformed_scene(symmetry: tuple[int, int, int]) -> None:
+    code = np.array(symmetry)
+    rng = np.random.default_rng(0)
+    grid = VoxelGrid((12, 12, 1), 0.05, 300.0)
+    bounds = np.array([[-1.025, -1.025, 0.0], [1.025, 1.025, 0.04]])  # a cell's centre at the origin
+
+    def moved(points: np.ndarray) -> np.ndarray:
+        return transformed(torch.from_numpy(points).unflatten(-1, (-1, 3)), code).flatten(-2).numpy()
+
+    states = np.tile(rng.uniform(-0.5, 0.5, (4, 3)), 6) + rng.uniform(-0.2, 0.2, (4, 18))
+    boxes = [Box((0.22, 0.31, 0.2), (0.21, -0.13, 0.1)), Box((0.3, 0.1, 0.2), (-0.3, 0.33, 0.1))]
+    sizes = [(b.size[1], b.size[0], b.size[2]) if symmetry[2] else b.size for b in boxes]
+    turned = [Box(size, tuple(moved(np.array(b.position)))) for b, size in zip(boxes, sizes, strict=True)]
+    drawn, expected = (
+        grid.draw(LAYOUT, Occupancy.of([BoxEnvironment(b, bounds)], 0.05), np.zeros(4, int), s)
+        for b, s in ((boxes, states), (turned, moved(states)))
+    )
+    found = transformed_grid(torch.from_numpy(drawn), code).numpy()
+    np.testing.assert_allclose(found[:, :, 1:, 1:], expected[:, :, 1:, 1:], atol=1e-4)
 
 
 @pytest.mark.parametrize("name", ["sdf", "voxel"])

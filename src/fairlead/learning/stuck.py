@@ -71,18 +71,22 @@ def recovery_examples(
     trajectories, steps = data.actions.shape[:2]
     every = rng.permutation(trajectories * steps)[:limit]
     source = np.stack(np.divmod(np.sort(every), steps), axis=1)
-    rows, shares = [], []
-    for scene in np.unique(data.scene):
+    rows, shares = [np.empty(0, np.intp)], [np.empty(0)]
+    scenes = data.scene[source[:, 0]]
+    for scene in np.unique(scenes):
         environment = data.environments[scene]
-        candidates = np.flatnonzero(data.scene[source[:, 0]] == scene)
+        candidates = np.flatnonzero(scenes == scene)
         for tried in range(0, samples, _SCREEN):
             states = data.states[tuple(source[candidates].T)]
             count = min(_SCREEN, samples - tried)
             free = accepted(dynamics, check, sampler, environment, states, count, rng).any(axis=1)
             candidates = candidates[~free]
-        after = data.states[source[candidates, 0], source[candidates, 1] + 1]
-        rows.append(candidates)
-        shares.append(accepted(dynamics, check, sampler, environment, after, samples, rng).mean(axis=1))
+            if not len(candidates):
+                break
+        else:
+            after = data.states[source[candidates, 0], source[candidates, 1] + 1]
+            rows.append(candidates)
+            shares.append(accepted(dynamics, check, sampler, environment, after, samples, rng).mean(axis=1))
     stuck = source[np.concatenate(rows)]
     where = tuple(stuck.T)
     return RecoveryExamples(

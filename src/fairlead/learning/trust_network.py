@@ -30,8 +30,10 @@ class TrustConfig:
 
     Args:
         network: `sdf` or `voxel`.
-        planar: motion in a horizontal plane: `sdf` turns its frame with the action and mirrors half of the examples,
-            `voxel` convolves each layer of cells by itself (3 x 3 x 1).
+        planar: motion in a horizontal plane: `sdf` turns its frame with the action, `voxel` convolves each layer of
+            cells by itself (3 x 3 x 1).
+        augment: a planar network also learns from mirrored examples (`sdf`), or mirrored and turned by quarters
+            (`voxel`, whose arena must be symmetric about the origin). Not in the paper: Mitrano and Berenson, 2022.
         hidden: hidden units.
         grid: the voxels (`voxel` only); the paper's for dragging is `PAPER_GRID`, the coarse one is fast on a CPU.
         rule: a name in `labels.RULES`.
@@ -42,6 +44,7 @@ class TrustConfig:
 
     network: str = "sdf"
     planar: bool = True
+    augment: bool = True
     hidden: int = 256
     grid: VoxelGrid = COARSE_GRID
     rule: str = "figure"

@@ -71,7 +71,7 @@ class SdfTrust(TrustNetwork):
 
     def augment(self, inputs: tuple[Tensor, ...], rng: np.random.Generator) -> tuple[Tensor, ...]:
         """In the plane, mirror half of the examples at the direction of the action."""
-        if not self.planar:
+        if not (self.planar and self.config.augment):
             return inputs
         mirrored = inputs[0].clone()
         rows = torch.from_numpy(rng.random(len(mirrored)) < 0.5)

@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float32, Int
 from torch import Tensor, nn
 
 from fairlead.core.errors import FairleadError
@@ -103,7 +103,16 @@ class VoxelTrust(TrustNetwork):
         """Nothing to do: BatchNorm."""
 
     def augment(self, inputs: tuple[Tensor, ...], rng: np.random.Generator) -> tuple[Tensor, ...]:
-        return inputs
+        """In the plane, one of the square's eight symmetries for the whole minibatch."""
+        if not (self.config.planar and self.config.augment):
+            return inputs
+        symmetry = rng.integers(0, 2, 3)
+        symmetry[2] *= self.grid.shape[0] == self.grid.shape[1]
+        voxels, states, extra = inputs
+        action = extra[..., : self.layout.action_size]
+        moved = [transformed(x.unflatten(-1, (-1, 3)), symmetry).flatten(-2) for x in (states, action)]
+        drawn = transformed_grid(voxels, symmetry)
+        return drawn, moved[0], torch.cat([moved[1], extra[..., self.layout.action_size :]], dim=-1)
 
     def frozen(
         self, environment: Environment, states: Float[np.ndarray, "batch state"]
@@ -152,3 +161,21 @@ class VoxelTrust(TrustNetwork):
         scale = norm.weight * torch.rsqrt(norm.running_var + norm.eps)
         shift = norm.bias - norm.running_mean * scale
         return self.dense.weight * scale, self.dense.bias + self.dense.weight @ shift
+
+
+def transformed(vectors: Float[Tensor, "*batch 3"], symmetry: Int[np.ndarray, " 3"]) -> Float[Tensor, "*batch 3"]:
+    """Mirror x, mirror y, exchange x and y: each where `symmetry` is 1."""
+    x, y, z = (vectors * torch.tensor([*(1 - 2.0 * symmetry[:2]), 1.0], dtype=vectors.dtype)).unbind(-1)
+    return torch.stack([y, x, z] if symmetry[2] else [x, y, z], dim=-1)
+
+
+def transformed_grid(
+    voxels: Float[Tensor, "*batch nx ny nz"], symmetry: Int[np.ndarray, " 3"]
+) -> Float[Tensor, "*batch nx ny nz"]:
+    """The same for a grid about its middle cell, n // 2. Where the size is even, the first cells stay: no partner."""
+    for axis in (-3, -2):
+        if symmetry[axis + 3]:
+            voxels = voxels.flip(axis)
+            if voxels.shape[axis] % 2 == 0:
+                voxels = voxels.roll(1, axis)
+    return voxels.transpose(-3, -2) if symmetry[2] else voxels
