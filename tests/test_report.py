@@ -60,7 +60,7 @@ def test_every_trial_is_a_cell(trials: Path, tmp_path: Path) -> None:
 def test_methods_keep_their_order(trials: Path) -> None:
     (found,) = find_sources([trials]).trials
     assert list(found.rows_of) == list(synthetic.RATES)
-    assert [row[0] for row in success_table(found.summary).rows] == list(synthetic.RATES)
+    assert [row[0] for row in success_table(found.summary, "seconds=60").rows] == list(synthetic.RATES)
 
 
 def test_nothing_finished_is_an_error_that_names_the_folder(tmp_path: Path) -> None:

@@ -38,6 +38,7 @@ def _method_summary(rows: Sequence[Row]) -> dict[str, Any]:
     reached = success_against([row["reached_at_s"] for row in rows], np.array(TIMES_S))
     return {
         "trials": len(rows),
+        "budget": rows[0]["budget"],
         "success": asdict(wilson(_total(rows, "success"), len(rows))),
         "first_plan_success": asdict(wilson(sum(first), len(rows))),
         "success_at_s": {f"{limit:g}": float(rate) for limit, rate in zip(TIMES_S, reached, strict=True)},

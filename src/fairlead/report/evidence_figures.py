@@ -28,7 +28,7 @@ def _boxes(axes: Axes, boxes: np.ndarray) -> None:
     draw_obstacles(axes, [outline(box) for box in fields])
 
 
-def _zoom(axes: Axes, points: np.ndarray, margin: float = 0.12) -> None:
+def _zoom(axes: Axes, points: np.ndarray, margin: float) -> None:
     """A square window [m] about the points."""
     low, high = points.reshape(-1, 3)[:, :2].min(axis=0), points.reshape(-1, 3)[:, :2].max(axis=0)
     centre, half = (low + high) / 2, (high - low).max() / 2 + margin
@@ -42,11 +42,11 @@ def labelled_trajectory(data: Arrays) -> Drawn:
     count = len(labels)
     with figure(10.5, 10.5 / count + 0.55, 1, count) as (canvas, grid):
         for t, axes in enumerate(grid):
-            _zoom(axes, np.concatenate([actual, predicted]))
+            _zoom(axes, np.concatenate([actual, predicted]), 0.06)
             _boxes(axes, data["boxes"])
             draw_rope(axes, actual[t], MUTED, linewidth=1.0, alpha=0.5)
-            draw_rope(axes, actual[t + 1], ROPE, linewidth=1.8)
-            draw_rope(axes, predicted[t + 1], GHOST, linewidth=1.8)
+            draw_rope(axes, predicted[t + 1], GHOST, linewidth=4.5, alpha=0.8)
+            draw_rope(axes, actual[t + 1], ROPE, linewidth=1.6)
             text, colour = _LABELS[int(labels[t])]
             axes.set_title(f"{text}\nd = {data['distance'][t + 1]:.3f} m", color=colour, fontsize=8)
             for spine in axes.spines.values():
@@ -99,12 +99,12 @@ def contacts(data: Arrays) -> Drawn:
             _zoom(axes, np.concatenate([before, after]), 0.08)
             _boxes(axes, data["boxes"][i])
             draw_rope(axes, before, MUTED, linewidth=1.2, alpha=0.6)
-            draw_rope(axes, after, ROPE, linewidth=1.8)
-            draw_rope(axes, data["predicted"][i], GHOST, linewidth=1.4, linestyle="--")
+            draw_rope(axes, data["predicted"][i], GHOST, linewidth=4.5, alpha=0.8)
+            draw_rope(axes, after, ROPE, linewidth=1.6)
             axes.set_title(f"trust {data['probability'][i]:.2f}", fontsize=8, fontweight="normal")
     caption = (
         "Fig. S1: examples of contact that the classifier accepts, rightly. Grey: before; black: after, as it "
-        "happened; dashed orange: predicted."
+        "happened; orange: predicted."
     )
     return canvas, caption, True
 

@@ -29,7 +29,7 @@ def _share_below(axes: Axes, rows_of: RowsOf, key: str, limits: np.ndarray) -> N
 
 def success_against_threshold(rows_of: RowsOf, radius: float) -> Figure:
     """Fig. 6A: the success rate if the goal's radius [m] were another; the dashed line is the radius used."""
-    with figure(6.4, 3.9) as (canvas, (axes,)):
+    with figure(5.6, 3.5) as (canvas, (axes,)):
         _share_below(axes, rows_of, "error_m", np.linspace(0, 0.5, 501))
         axes.axvline(radius, color=MUTED, linestyle=(0, (4, 3)), linewidth=1)
         axes.set(xlabel="threshold on the task error [m]")
@@ -39,7 +39,7 @@ def success_against_threshold(rows_of: RowsOf, radius: float) -> Figure:
 
 def success_against_time(rows_of: RowsOf, seconds: float) -> Figure:
     """The success rate if a trial were given less time: planning plus simulated execution [s]."""
-    with figure(6.4, 3.9) as (canvas, (axes,)):
+    with figure(5.6, 3.5) as (canvas, (axes,)):
         _share_below(axes, rows_of, "reached_at_s", np.linspace(0, seconds, 601))
         axes.set(xlabel="time of a trial [s]")
         axes.legend(loc="lower right")
@@ -49,7 +49,7 @@ def success_against_time(rows_of: RowsOf, seconds: float) -> Figure:
 def time_spent(summary: Mapping[str, Any]) -> Figure:
     """Mean seconds of planning and of execution in a trial, for each method."""
     methods = list(summary["methods"])
-    with figure(6.4, 1.0 + 0.34 * len(methods)) as (canvas, (axes,)):
+    with figure(5.6, 1.0 + 0.32 * len(methods)) as (canvas, (axes,)):
         left = np.zeros(len(methods))
         for key, label, alpha in (("mean_planning_s", "planning", 1.0), ("mean_execution_s", "execution", 0.35)):
             width = np.array([summary["methods"][name][key] for name in methods])
@@ -72,7 +72,7 @@ def outcomes(summary: Mapping[str, Any]) -> Figure:
     """How the trials of each method ended, in percent."""
     methods = list(summary["methods"])
     found = [key for key in OUTCOMES if any(summary["methods"][name]["outcomes"].get(key) for name in methods)]
-    with figure(6.4, 1.0 + 0.34 * len(methods)) as (canvas, (axes,)):
+    with figure(5.6, 1.0 + 0.32 * len(methods)) as (canvas, (axes,)):
         left = np.zeros(len(methods))
         for key in found:
             entries = [summary["methods"][name] for name in methods]

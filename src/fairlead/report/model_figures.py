@@ -41,7 +41,7 @@ def learning_curves(models: Sequence[Model]) -> Drawn:
 
 def reliability(models: Sequence[Model]) -> Drawn:
     """Reliability diagrams: how often transitions were reliable, against the probability that was predicted."""
-    with figure(6.4, 3.9) as (canvas, (axes,)):
+    with figure(5.6, 3.5) as (canvas, (axes,)):
         axes.plot([0, 1], [0, 1], color=MUTED, linewidth=1, linestyle=(0, (4, 3)))
         for model in models:
             bins = model.metrics["test"]["reliability"]

@@ -102,7 +102,7 @@ def _trial_section(trials: TrialSet, save: _Figures, name: str, clips: list[Clip
         lead=f"{scenes} scenes, {seeds} seed{'s' * (seeds > 1)}, every method on the same scenes, starts, goals and "
         f"seeds. Budget {budget} a trial, protocol “{config['protocol']}”, {config['planner']} planner.{clock}",
         bars=_bars(summary),
-        tables=[tables.success_table(summary), tables.error_table(summary, config["scenario"])],
+        tables=[tables.success_table(summary, str(budget)), tables.error_table(summary, config["scenario"])],
         matrix=_matrix(trials),
         clips=clips,
     )
@@ -140,7 +140,9 @@ def _learning_section(sources: Sources, save: _Figures) -> _Section | None:
     models = [model for model in sources.models if model.metrics]
     if not models:
         return None
-    section = _Section("Learning", "Measured on test data that no training, threshold or choice has seen.")
+    section = _Section(
+        "Learning", "Numbers without another word are of test data, which no training, threshold or choice has seen."
+    )
     section.tables += model_figures.metrics_tables(models)
     section.pictures += [save.save(f"model-{n}", *figure) for n, figure in enumerate(model_figures.pictures(models))]
     return section
@@ -174,7 +176,7 @@ def _provenance(sources: Sources) -> Table:
         for folder, manifest in found
     ]
     columns = ("artifact", "kind", "seed", "revision", "manifest SHA-256", "wall [s]", "cores", "versions")
-    return Table("Provenance", columns, tuple(rows))
+    return Table("Artifacts", columns, tuple(rows))
 
 
 def _headline(sources: Sources) -> tuple[str, str]:
