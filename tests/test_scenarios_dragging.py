@@ -65,7 +65,7 @@ def test_hanging_rope_is_a_catenary() -> None:
                       name1=end.name, name2=site.name)  # fmt: skip
     for joint in spec.joints:
         if joint.name.startswith("hinge"):
-            joint.damping[0] = 0.01
+            joint.damping[0], joint.stiffness[0] = 0.01, 0.0
         if joint.name.startswith("gripper"):
             joint.stiffness[0], joint.damping[0] = 1e5, 1e3
     model = spec.compile()
@@ -147,7 +147,7 @@ def test_largest_bend_is_at_least_150_degrees() -> None:
     direction = np.stack([np.cos(heading), np.sin(heading)], -1)
     LAYOUT.points_of(state)[:, :2] = state[:2] + ROPE.centre_weights @ direction
     world = DRAGGING.simulate([()], state[None])
-    assert world.residual[0] < 1e-4
+    assert world.residual[0] < 1e-3
     links = ROPE.headings(world.observe()[:, :3], LAYOUT.points_of(world.observe()))
     assert np.degrees(np.abs(np.diff(links)).max()) > 150
 
