@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,12 +19,14 @@ from hypothesis import strategies as st
 from fairlead.core.artifacts import MANIFEST, append_jsonl, read_jsonl, read_manifest
 from fairlead.core.budget import Budget
 from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
-from fairlead.core.traces import read_trace
+from fairlead.core.records import TrialOutcome
+from fairlead.core.traces import EVENTS, read_trace
 from fairlead.evaluation.bench import TrialsConfig, scaled
 from fairlead.evaluation.methods import CHECKS, DYNAMICS, METHODS, RECOVERIES, find_method
 from fairlead.evaluation.trials import TRIALS, Trials, repair
 from fairlead.learning.dynamics import DynamicsConfig, Ensemble
 from fairlead.learning.model_files import Job, save_model
+from fairlead.report.playback import recording, views
 from fairlead.scenarios.registry import scenario
 from fairlead.scenarios.scene_files import write_scenes
 
@@ -86,6 +93,27 @@ def test_an_interrupted_run_goes_on_to_the_same_rows(config: TrialsConfig, finis
     assert read_manifest(tmp_path, "trials").extra == {"trials": 4, "scenes": 2}
 
 
+@pytest.mark.parametrize("blow", [signal.SIGINT, signal.SIGKILL])
+def test_a_stopped_run_leaves_readable_files_and_no_process(
+    config: TrialsConfig, tmp_path: Path, blow: signal.Signals
+) -> None:
+    out = tmp_path / "out"
+    arguments = ["--models", config.models, "--scenes", config.scenes, "--out", out, "--methods", "oracle"]
+    code = "from fairlead.cli.main import main; main()"
+    command = [sys.executable, "-c", code, "evaluate", "dragging", *map(str, arguments), "--workers", "1"]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    trace = out / "traces" / "oracle" / "scene-0-0"
+    while not (trace / EVENTS).exists() and run.poll() is None:
+        time.sleep(0.02)
+    (run.send_signal if blow is signal.SIGKILL else lambda s: os.killpg(run.pid, s))(blow)
+    _, errors = run.communicate(timeout=60)  # returns once no process holds the pipes
+    assert run.returncode == (130 if blow is signal.SIGINT else -blow)
+    assert "Traceback" not in errors
+    assert list(read_jsonl(out / TRIALS)) == []
+    assert read_trace(trace).outcome is TrialOutcome.INTERRUPTED
+    assert not (out / MANIFEST).exists()
+
+
 def test_a_finished_folder_stays_as_it_is(config: TrialsConfig, finished: Path) -> None:
     before = {path: path.read_bytes() for path in finished.rglob("*") if path.is_file()}
     assert Trials(config, finished).missing == []
@@ -100,6 +128,9 @@ def test_traces_are_kept_where_asked(config: TrialsConfig, finished: Path) -> No
     (row,) = [row for row in rows(finished) if (row["scene"], row["method"]) == ("scene-0", "accept-all")]
     assert trace.outcome.label == row["outcome"]
     assert len(trace.actions) == row["actions"]
+    last = list(views(recording(trace, "accept-all", 0)))[-1]
+    assert last.phase == row["outcome"]
+    np.testing.assert_allclose(last.rope, trace.layout.points_of(trace.actions[-1].state))
 
 
 @pytest.mark.parametrize("change", [{"budget": Budget(seconds=1)}, {"planner": "ompl"}])

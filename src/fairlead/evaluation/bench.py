@@ -5,6 +5,8 @@ from __future__ import annotations
 import multiprocessing
 import os
 import shutil
+import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
@@ -142,7 +144,18 @@ _bench: Bench | None = None
 
 def _start(config: TrialsConfig) -> None:
     global _bench
+    # An interrupt from the keyboard reaches every process; the parent alone answers it, and stops its workers.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_leave_with_parent, daemon=True).start()
     _bench = Bench(config)
+
+
+def _leave_with_parent() -> None:
+    """A worker whose parent was killed must not write on into a folder that another run may have taken over."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _run(job: Job) -> Row:

@@ -29,20 +29,20 @@ def _share_below(axes: Axes, rows_of: RowsOf, key: str, limits: np.ndarray) -> N
 
 def success_against_threshold(rows_of: RowsOf, radius: float) -> Figure:
     """Fig. 6A: the success rate if the goal's radius [m] were another; the dashed line is the radius used."""
-    with figure(5.6, 3.5) as (canvas, (axes,)):
+    with figure(6.4, 3.3) as (canvas, (axes,)):
         _share_below(axes, rows_of, "error_m", np.linspace(0, 0.5, 501))
         axes.axvline(radius, color=MUTED, linestyle=(0, (4, 3)), linewidth=1)
         axes.set(xlabel="threshold on the task error [m]")
-        axes.legend(loc="lower right")
+        canvas.legend(loc="outside right upper")
     return canvas
 
 
 def success_against_time(rows_of: RowsOf, seconds: float) -> Figure:
     """The success rate if a trial were given less time: planning plus simulated execution [s]."""
-    with figure(5.6, 3.5) as (canvas, (axes,)):
+    with figure(6.4, 3.3) as (canvas, (axes,)):
         _share_below(axes, rows_of, "reached_at_s", np.linspace(0, seconds, 601))
         axes.set(xlabel="time of a trial [s]")
-        axes.legend(loc="lower right")
+        canvas.legend(loc="outside right upper")
     return canvas
 
 

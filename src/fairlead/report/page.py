@@ -68,7 +68,13 @@ class _Figures:
 
 def _bars(summary: dict[str, Any]) -> list[dict[str, Any]]:
     return [
-        {"name": name, "colour": method_style(name)[0], "first": entry["first_plan_success"], **entry["success"]}
+        {
+            "name": name,
+            "budget": entry["budget"],
+            "colour": method_style(name)[0],
+            "first": entry["first_plan_success"],
+            **entry["success"],
+        }
         for name, entry in summary["methods"].items()
     ]
 
