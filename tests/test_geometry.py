@@ -140,6 +140,14 @@ def test_a_grid_environment_agrees_with_the_boxes_it_was_made_from(
     np.testing.assert_array_equal(sensed.occupied(points)[clear], exact.occupied(points)[clear])
 
 
+def test_a_grid_has_its_surface_at_the_faces_of_its_cells() -> None:
+    exact = BoxEnvironment([Box((0.2, 0.4, 0.4), (0.0, 0.0, 0.0))], BOUNDS)
+    sensed = GridEnvironment(*exact.occupancy(0.02), 0.02)
+    line = np.linspace(-0.45, 0.45, 181)[:, None] * np.array([1.0, 0.0, 0.0])
+    line = line[np.abs(line[:, 0]) > 0.03]  # the middle of the box has no gradient
+    np.testing.assert_allclose(sensed.signed_distance(line), np.abs(line[:, 0]) - 0.1, atol=1e-6)
+
+
 @given(seed=seeds)
 def test_a_point_cloud_occupies_its_cells_and_the_rest_is_free(seed: int) -> None:
     rng = np.random.default_rng(seed)
