@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from fairlead.core.errors import UnknownNameError
+from fairlead.core import plugins
 from fairlead.scenarios.dragging import Dragging
 from fairlead.scenarios.scenario import Scenario
 
@@ -13,6 +13,4 @@ SCENARIOS: dict[str, Callable[[], Scenario]] = {"dragging": Dragging}
 
 def scenario(name: str) -> Scenario:
     """The scenario of that name; UnknownNameError otherwise."""
-    if name not in SCENARIOS:
-        raise UnknownNameError("scenario", name, SCENARIOS)
-    return SCENARIOS[name]()
+    return plugins.find("scenario", name, SCENARIOS)()
