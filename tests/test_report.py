@@ -34,7 +34,7 @@ def trials(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rng = np.random.default_rng(0)
     write_json(folder / "scenes.json", {"scenes": [synthetic.scene(f"scene-{i:03d}", rng) for i in range(6)]})
     write_json(folder / "summary.json", summarise(rows, tuple(synthetic.RATES), 0))
-    config = {"scenario": "dragging", "budget": "seconds=60", "protocol": "fair", "planner": "rrt"}
+    config = {"scenario": "dragging", "scenes": "made-up", "budget": "seconds=60", "protocol": "fair", "planner": "rrt"}
     Manifest("trials", config, 0, {}, {}, {}).write(folder)
     return folder
 

@@ -105,8 +105,9 @@ def _trial_section(trials: TrialSet, save: _Figures, name: str, clips: list[Clip
     clock = "" if timed else " A counted budget does not look at the clock: times are those of execution alone."
     section = _Section(
         title=f"{config['scenario']}: {name}",
-        lead=f"{scenes} scenes, {seeds} seed{'s' * (seeds > 1)}, every method on the same scenes, starts, goals and "
-        f"seeds. Budget {budget} a trial, protocol “{config['protocol']}”, {config['planner']} planner.{clock}",
+        lead=f"{scenes} scenes of {config['scenes']}.json, {seeds} seed{'s' * (seeds > 1)}; every method on the same "
+        f"scenes, starts, goals and seeds. Budget {budget} a trial, protocol “{config['protocol']}”, "
+        f"{config['planner']} planner.{clock}",
         bars=_bars(summary),
         tables=[tables.success_table(summary, str(budget)), tables.error_table(summary, config["scenario"])],
         matrix=_matrix(trials),
