@@ -29,7 +29,13 @@ DATA = splits(64, 6, 0)
 
 
 def untrained(network: str, planar: bool) -> LearnedDynamics:
-    return LearnedDynamics(Ensemble(LAYOUT, DynamicsConfig(network, hidden=16, members=3, planar=planar), 1).eval())
+    """Weights at random everywhere: a network may begin with zeros in its last layer."""
+    module = Ensemble(LAYOUT, DynamicsConfig(network, hidden=16, members=3, planar=planar), 1).eval()
+    generator = torch.Generator().manual_seed(0)
+    with torch.no_grad():
+        for parameter in module.parameters():
+            parameter.add_(0.1 * torch.randn(parameter.shape, generator=generator))
+    return LearnedDynamics(module)
 
 
 @pytest.mark.parametrize("network", NETWORKS)
