@@ -1,0 +1,41 @@
+"""`fairlead reproduce SCENARIO --preset smoke|desk|paper --out DIR`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from fairlead.cli.output import progress_bar, show
+
+
+@dataclass(frozen=True)
+class Command:
+    """Collect, train, try every method and report. Interrupt it at will: the same command goes on where it stopped."""
+
+    scenario: Annotated[str, tyro.conf.Positional]
+    """The world, for example `dragging`."""
+    out: Path
+    """Folder of data, models, trials and report."""
+    preset: str = "desk"
+    """smoke (a minute), desk (about a quarter of an hour on two cores), paper (the paper's data sizes)."""
+    seed: int = 0
+    """Of every random stream."""
+    threads: int = os.cpu_count() or 1
+    """Of the simulator and of training; as many processes run trials."""
+    json: bool = False
+    """Print one JSON object."""
+
+    def run(self) -> None:
+        """Run what is missing, and name the page."""
+        from fairlead.reproduce.line import reproduce
+        from fairlead.reproduce.presets import preset
+        from fairlead.scenarios.registry import scenario
+
+        world = scenario(self.scenario)
+        page = reproduce(world, preset(world.name, self.preset), self.out, self.seed, self.threads, progress_bar)
+        videos = sorted((page.parent / "videos").glob("*.mp4"))
+        show({"page": str(page), **({"video": str(videos[0])} if videos else {})}, self.json)

@@ -1,0 +1,74 @@
+"""`fairlead train dynamics|full-dynamics|trust|recovery SCENARIO --data DIR --out DIR`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from fairlead.cli.output import show
+
+
+@dataclass(frozen=True)
+class Command:
+    """Train one model. Interrupt it at will: the same command goes on to the same weights."""
+
+    model: Annotated[Literal["dynamics", "full-dynamics", "trust", "recovery"], tyro.conf.Positional]
+    """What to train."""
+    scenario: Annotated[str, tyro.conf.Positional]
+    """The world, for example `dragging`."""
+    data: Path
+    """The dataset: phase 1 for dynamics, phase 2 for the others."""
+    out: Path
+    """Folder of the model."""
+    dynamics: Path | None = None
+    """Folder of the trained dynamics (trust, recovery)."""
+    trust: Path | None = None
+    """Folder of the trained classifier (recovery)."""
+    network: str | None = None
+    """dynamics: chain or mlp (the paper's). trust: sdf or voxel (the paper's)."""
+    grid: Literal["coarse", "paper"] = "coarse"
+    """Voxels of a voxel classifier or of full dynamics."""
+    preset: str = "desk"
+    """Whose settings of training: smoke, desk or paper."""
+    seed: int = 0
+    """Of every random stream."""
+    threads: int = os.cpu_count() or 1
+    """Of training; another number rounds differently."""
+    json: bool = False
+    """Print one JSON object."""
+
+    def run(self) -> None:
+        """Train, and print the metrics."""
+        from fairlead.core.artifacts import read_json
+        from fairlead.core.errors import FairleadError
+        from fairlead.learning.registry import use_threads
+        from fairlead.learning.trust_network import COARSE_GRID, PAPER_GRID
+        from fairlead.reproduce import stages
+        from fairlead.reproduce.presets import preset
+        from fairlead.scenarios.registry import scenario
+
+        use_threads(self.threads)
+        world = scenario(self.scenario)
+        sizes, grid = preset(world.name, self.preset), PAPER_GRID if self.grid == "paper" else COARSE_GRID
+        needed = {"trust": ("dynamics",), "recovery": ("dynamics", "trust")}.get(self.model, ())
+        for name in needed:
+            if getattr(self, name) is None:
+                raise FairleadError(f"train {self.model} needs --{name} DIR, the folder of the trained {name}")
+        if self.model == "dynamics":
+            wide = {"network": "mlp", "hidden": 1024} if self.network == "mlp" else {}
+            other = {} if self.network in (None, "mlp") else {"network": self.network}
+            config = replace(sizes.dynamics, **wide, **other)
+            stages.dynamics(world, self.data, config, self.out, self.seed)
+        elif self.model == "full-dynamics":
+            stages.full_dynamics(world, self.data, replace(sizes.full_dynamics, grid=grid), self.out, self.seed)
+        elif self.model == "trust" and self.dynamics:
+            base = sizes.trust if self.network == "voxel" else sizes.trust_sdf
+            config = replace(base, grid=grid, network=self.network or base.network)
+            stages.trust(world, self.data, self.dynamics, config, self.out, self.seed)
+        elif self.dynamics and self.trust:
+            stages.recovery(world, self.data, self.dynamics, self.trust, sizes.recovery, self.out, self.seed)
+        show(read_json(self.out / "metrics.json"), self.json)

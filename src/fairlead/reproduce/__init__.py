@@ -1,0 +1,1 @@
+"""The whole line as resumable stages: collect, train, evaluate, report."""

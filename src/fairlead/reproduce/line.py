@@ -1,0 +1,78 @@
+"""The whole line in one folder: data, models, trials, report. Run again, it goes on where it stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from importlib import resources
+from pathlib import Path
+
+from fairlead.data.collect import CollectConfig, collect
+from fairlead.evaluation.bench import TrialsConfig
+from fairlead.evaluation.trials import Trials
+from fairlead.learning.registry import use_threads
+from fairlead.report.page import write_report
+from fairlead.reproduce import stages
+from fairlead.reproduce.presets import Preset
+from fairlead.scenarios.scenario import Scenario
+
+Bar = Callable[[str, int, str], AbstractContextManager[Callable[[int], None]]]
+"""Opens a progress bar with a title, a total and a unit; yields a function that advances it."""
+
+
+def benchmark_scenes(scenario: str) -> Path:
+    """The scenes that come with the package."""
+    return Path(str(resources.files("fairlead.scenarios") / "scenes" / f"{scenario}.json"))
+
+
+def reproduce(scenario: Scenario, preset: Preset, out: Path, seed: int, threads: int, bar: Bar) -> Path:
+    """Collect, train, try and report; the path of the page.
+
+    Args:
+        scenario: the world.
+        preset: how large.
+        out: folder of everything.
+        seed: everything random derives from it.
+        threads: of the simulator and of training, and the number of processes that run trials.
+        bar: opens a progress bar.
+
+    Raises:
+        FairleadError: a folder in `out` holds something that this line did not make.
+    """
+    use_threads(threads)
+    data, models = _data(scenario, preset, out, seed, threads, bar), out / "models"
+    _models(scenario, preset, data, models, seed)
+    scenes = benchmark_scenes(scenario.name)
+    config = TrialsConfig(scenario.name, models, scenes, preset.methods, preset.budget, seeds=preset.seeds,
+                          limit=preset.scenes, traced=preset.traced)  # fmt: skip
+    trials = Trials(config, out / "trials")
+    with bar(f"{scenario.name} trials", len(trials.missing), "trials") as advance:
+        trials.run(threads, lambda row: advance(1))
+    return write_report([out], out / "report", videos=preset.videos)
+
+
+def _data(scenario: Scenario, preset: Preset, out: Path, seed: int, threads: int, bar: Bar) -> dict[str, Path]:
+    """Record the three datasets; the full dynamics have one of their own, as large as the other two together."""
+    wanted = {
+        "phase1": CollectConfig(1, preset.phase1, seed),
+        "phase2": CollectConfig(2, preset.phase2, seed, steps=preset.steps2),
+        "full": CollectConfig(2, preset.full, seed + 1, steps=preset.steps2),
+    }
+    folders = {name: out / "data" / name for name in wanted}
+    for name, config in wanted.items():
+        total = config.trajectories * config.resolved(scenario)["steps"]
+        with bar(f"{scenario.name} {name}", total, "transitions") as advance:
+            collect(scenario, config, folders[name], threads, advance)
+    return folders
+
+
+def _models(scenario: Scenario, preset: Preset, data: dict[str, Path], models: Path, seed: int) -> None:
+    """Train every model, each on the one before it."""
+    dynamics, phase2 = models / "dynamics", data["phase2"]
+    stages.dynamics(scenario, data["phase1"], preset.dynamics, dynamics, seed)
+    for suffix, config in (("", preset.trust), ("-sdf", preset.trust_sdf)):
+        trust = models / f"trust{suffix}"
+        stages.trust(scenario, phase2, dynamics, config, trust, seed)
+        stages.recovery(scenario, phase2, dynamics, trust, preset.recovery, models / f"recovery{suffix}", seed)
+    stages.full_dynamics(scenario, data["full"], preset.full_dynamics, models / "full-dynamics", seed)
+    stages.evidence(scenario, phase2, dynamics, models / "trust", models.parent / "evidence", seed)

@@ -1,0 +1,94 @@
+"""How large the line is: `smoke` for tests, `desk` for an afternoon's question, `paper` for the paper's data sizes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from fairlead.core.budget import Budget
+from fairlead.core.errors import UnknownNameError
+from fairlead.learning.dynamics import DynamicsConfig
+from fairlead.learning.fit import Stage
+from fairlead.learning.full_dynamics import FullDynamicsConfig
+from fairlead.learning.recovery import RecoveryConfig
+from fairlead.learning.trust_network import TrustConfig
+
+
+@dataclass(frozen=True)
+class Preset:
+    """Sizes and settings of every stage.
+
+    Args:
+        phase1, phase2: trajectories recorded for the dynamics, and for trust and recovery.
+        full: trajectories of phase 2 recorded for the full dynamics, as many transitions as both phases together.
+        steps2: actions in a trajectory of phase 2.
+        dynamics, full_dynamics, trust, trust_sdf, recovery: of the models.
+        methods: what is tried, the first compared with the others.
+        budget: of each trial.
+        scenes: how many of the benchmark scenes are tried; None for all.
+        seeds: of the trials.
+        traced: traces are kept of the first so many scenes.
+        videos: whether the report has them.
+    """
+
+    phase1: int
+    phase2: int
+    full: int
+    dynamics: DynamicsConfig
+    full_dynamics: FullDynamicsConfig
+    trust: TrustConfig
+    trust_sdf: TrustConfig
+    recovery: RecoveryConfig
+    methods: tuple[str, ...]
+    budget: Budget = field(default_factory=lambda: Budget(seconds=60))
+    steps2: int = 50
+    scenes: int | None = None
+    seeds: tuple[int, ...] = (0,)
+    traced: int = 3
+    videos: bool = True
+
+
+LEARNED = ("trust", "trust+recovery", "trust+random-recovery", "trust-sdf", "trust-sdf+recovery",
+           "accept-all", "full-dynamics", "collision-check", "spread-threshold")  # fmt: skip
+
+_SMOKE = Preset(
+    phase1=32, phase2=32, full=16, steps2=8,
+    dynamics=DynamicsConfig(hidden=32, blocks=1, stages=(Stage(4, 64), Stage(2, 64, 3e-4, 4))),
+    full_dynamics=FullDynamicsConfig(hidden=32, stages=(Stage(1, 64),)),
+    trust=TrustConfig("voxel", hidden=16, limit=200, stages=(Stage(1, 32),)),
+    trust_sdf=TrustConfig("sdf", hidden=32, limit=1000, stages=(Stage(2, 128),)),
+    recovery=RecoveryConfig(samples=8, hidden=16, limit=40, stages=(Stage(1, 32),)),
+    methods=LEARNED, budget=Budget(extensions=300), scenes=1, traced=1, videos=False,
+)  # fmt: skip
+
+_DESK = Preset(
+    phase1=1536, phase2=384, full=672,
+    dynamics=DynamicsConfig(stages=(Stage(40, 512, 2e-3), Stage(5, 256, 5e-4, 4))),
+    full_dynamics=FullDynamicsConfig(stages=(Stage(3, 64),)),
+    trust=TrustConfig("voxel", hidden=128, limit=16_000, stages=(Stage(5, 64),)),
+    trust_sdf=TrustConfig("sdf", limit=100_000, stages=(Stage(8, 256),)),
+    recovery=RecoveryConfig(limit=3000),
+    methods=("trust", "trust+recovery", "trust-sdf", "accept-all", "full-dynamics", "collision-check",
+             "spread-threshold"),
+    scenes=16,
+)  # fmt: skip
+
+_PAPER = Preset(
+    phase1=6144, phase2=2048, full=3277,
+    dynamics=DynamicsConfig(stages=(Stage(100, 512, 2e-3), Stage(12, 256, 5e-4, 4))),
+    full_dynamics=FullDynamicsConfig(stages=(Stage(8, 64),)),
+    trust=TrustConfig("voxel", hidden=128, limit=60_000, stages=(Stage(8, 64),)),
+    trust_sdf=TrustConfig("sdf", limit=400_000, stages=(Stage(12, 256),)),
+    recovery=RecoveryConfig(limit=20_000),
+    methods=LEARNED, budget=Budget(seconds=180),
+)  # fmt: skip
+
+PRESETS: dict[str, dict[str, Preset]] = {"dragging": {"smoke": _SMOKE, "desk": _DESK, "paper": _PAPER}}
+
+
+def preset(scenario: str, name: str) -> Preset:
+    """The preset of that name for a scenario; UnknownNameError otherwise."""
+    if scenario not in PRESETS:
+        raise UnknownNameError("scenario", scenario, PRESETS)
+    if name not in PRESETS[scenario]:
+        raise UnknownNameError("preset", name, PRESETS[scenario])
+    return PRESETS[scenario][name]

@@ -1,0 +1,141 @@
+"""Stages between folders. Each is skipped where its result is there already, made from the same inputs and settings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fairlead.core.artifacts import MANIFEST, read_json, read_manifest, sha256, verify_files
+from fairlead.core.errors import ArtifactError, FairleadError
+from fairlead.data.store import load
+from fairlead.evaluation.evidence import write_evidence
+from fairlead.learning.dynamics import DynamicsConfig, train_dynamics
+from fairlead.learning.full_dynamics import FullDynamicsConfig, train_full_dynamics
+from fairlead.learning.model_files import Job
+from fairlead.learning.recovery import RecoveryConfig, train_recovery
+from fairlead.learning.registry import load_check, load_delta, load_dynamics
+from fairlead.learning.rollout import Splits
+from fairlead.learning.trust import train_trust
+from fairlead.learning.trust_network import TrustConfig
+from fairlead.scenarios.scenario import Scenario
+
+CONTACT_M = 0.005
+"""A rope point this near to an obstacle's surface, beyond the rope's radius, is in contact in the evidence."""
+
+
+def splits(folder: Path, scenario: str) -> Splits:
+    """The three splits of a dataset.
+
+    Raises:
+        ArtifactError: not a finished dataset, or one of another scenario.
+    """
+    found = read_manifest(folder, "dataset").config["scenario"]
+    if found != scenario:
+        raise ArtifactError(folder, f"a dataset of scenario '{found}'; one of '{scenario}' is needed here")
+    return Splits(load(folder, "train"), load(folder, "validation"), load(folder, "test"))
+
+
+def _hashes(inputs: Mapping[str, Path]) -> dict[str, str]:
+    for name, folder in inputs.items():
+        if not (folder / MANIFEST).exists():
+            raise ArtifactError(folder, f"no {MANIFEST}: not the finished {name} that is needed here")
+    return {name: sha256(folder / MANIFEST) for name, folder in inputs.items()}
+
+
+def finished(folder: Path, config: Any, inputs: Mapping[str, Path], seed: int) -> bool:
+    """Whether `folder` holds the model of this configuration, seed and these inputs, undamaged."""
+    if not (folder / MANIFEST).exists():
+        return False
+    manifest = read_manifest(folder, "model")
+    verify_files(folder, manifest)
+    values = manifest.config["config"]
+    same = values.get("recovery", values) == _plain(asdict(config))
+    return same and manifest.inputs == _hashes(inputs) and manifest.seed == seed
+
+
+def _plain(value: Any) -> Any:
+    """A configuration as JSON gives it back."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def _model(
+    scenario: Scenario, folder: Path, config: Any, inputs: Mapping[str, Path], seed: int, train: Callable[[Job], object]
+) -> None:
+    if not finished(folder, config, inputs, seed):
+        train(Job(folder, scenario.name, seed, _hashes(inputs)))
+
+
+def dynamics(scenario: Scenario, data: Path, config: DynamicsConfig, out: Path, seed: int) -> None:
+    """Train the unconstrained dynamics on phase 1 data."""
+    _model(scenario, out, config, {"data": data}, seed,
+           lambda job: train_dynamics(splits(data, scenario.name), config, job))  # fmt: skip
+
+
+def full_dynamics(scenario: Scenario, data: Path, config: FullDynamicsConfig, out: Path, seed: int) -> None:
+    """Train the full dynamics baseline on data recorded as in phase 2."""
+    _model(scenario, out, config, {"data": data}, seed,
+           lambda job: train_full_dynamics(splits(data, scenario.name), config, job))  # fmt: skip
+
+
+def trust(scenario: Scenario, data: Path, dynamics: Path, config: TrustConfig, out: Path, seed: int) -> None:
+    """Train a trust classifier on phase 2 data, labelled at the delta of the dynamics."""
+
+    def train(job: Job) -> None:
+        model, delta = load_dynamics(dynamics, scenario.name), load_delta(dynamics, scenario.name)
+        train_trust(model, splits(data, scenario.name), delta, config, job)
+
+    _model(scenario, out, config, {"data": data, "dynamics": dynamics}, seed, train)
+
+
+def recovery(
+    scenario: Scenario, data: Path, dynamics: Path, trust: Path, config: RecoveryConfig, out: Path, seed: int
+) -> None:
+    """Train recovery on the states of phase 2 data in which the classifier accepts nothing."""
+
+    def train(job: Job) -> None:
+        model, check = load_dynamics(dynamics, scenario.name), load_check(trust, scenario.name)
+        train_recovery(model, check, scenario.sampler, splits(data, scenario.name), config, job)
+
+    _model(scenario, out, config, {"data": data, "dynamics": dynamics, "trust": trust}, seed, train)
+
+
+def evidence(scenario: Scenario, data: Path, dynamics: Path, trust: Path, out: Path, seed: int) -> None:
+    """Write what the report draws of single examples: Fig. 3, Fig. 5A and Fig. S1 of the paper."""
+    inputs = _hashes({"data": data, "dynamics": dynamics, "trust": trust})
+    if (out / MANIFEST).exists() and read_manifest(out, "evidence").inputs == inputs:
+        return
+    config = read_json(trust / "config.json")["config"]
+    grid = config["grid"]
+    from fairlead.geometry.voxels import VoxelGrid
+
+    write_evidence(
+        load_dynamics(dynamics, scenario.name),
+        load_check(trust, scenario.name),
+        load(data, "test"),
+        load_delta(dynamics, scenario.name),
+        VoxelGrid(**{**grid, "shape": tuple(grid["shape"])}),
+        scenario.rope_radius + CONTACT_M,
+        out,
+        seed,
+        inputs,
+    )
+
+
+def starts(scenario: Scenario, scenes: Path, out: Path) -> None:
+    """Record how far each settled start lies from the given rope points [m, root mean square]."""
+    from fairlead.core.artifacts import write_json
+
+    residual = {}
+    for scene in scenario.scenes(scenes).scenes:
+        world = scenario.simulate([scene.obstacles], scene.state(scenario.layout)[None])
+        residual[scene.name] = round(float(world.residual[0]), 6)
+    values = np.array(list(residual.values()))
+    if not np.isfinite(values).all():
+        raise FairleadError(f"{scenes}: a scene's start cannot be simulated")
+    write_json(out, {"median_m": float(np.median(values)), "worst_m": float(values.max()), "residual_m": residual})
