@@ -51,3 +51,9 @@ def test_only_common_scenes_are_paired() -> None:
     rows = [row for row in synthetic.rows() if row["method"] == "trust" or row["scene"] < "scene-005"]
     found = summarise(rows, ("trust", "accept-all"), 0)["comparisons"][0]
     assert found["pairs"] == 10
+
+
+def test_one_scene_has_no_interval() -> None:
+    found = summarise(synthetic.rows(scenes=1, seeds=3), ("trust", "accept-all"), 0)["comparisons"][0]
+    assert found["pairs"] == 3
+    assert "success_difference" not in found

@@ -93,7 +93,7 @@ def made_up_recording(scene: dict[str, Any], steps: tuple[int, ...], rng: np.ran
         executed = rope + np.cumsum(rng.normal(0, 0.01, (count + 1, 1, 3)), axis=0)
         tree = Branches(rng.normal(0, 0.3, (20, 2)), np.arange(20) // 2, rng.uniform(0.5, 1, 20))
         seconds, trust = rng.uniform(0.1, 1, count), rng.uniform(0.5, 1, count)
-        episodes.append(Episode(tree, executed + 0.01, trust, executed, executed[:, -1:], seconds, 0.1))
+        episodes.append(Episode(True, tree, executed + 0.01, trust, executed, executed[:, -1:], seconds, 0.1))
         rope = executed[-1]
     return Recording("made-up", tuple(episodes), "goal", "It is there.")
 

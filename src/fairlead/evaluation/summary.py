@@ -51,7 +51,10 @@ def _method_summary(rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _comparison(ours: Sequence[Row], baseline: Sequence[Row], rng: np.random.Generator) -> dict[str, Any]:
-    """Ours against a baseline: the paper's t-test on all trials, and paired tests on those that both have."""
+    """Ours against a baseline: the paper's t-test on all trials, paired tests on those that both have.
+
+    Differences with intervals need two scenes at least.
+    """
     theirs = {(row["scene"], row["seed"]): row for row in baseline}
     pairs = [(row, theirs[row["scene"], row["seed"]]) for row in ours if (row["scene"], row["seed"]) in theirs]
     result: dict[str, Any] = {
@@ -62,11 +65,14 @@ def _comparison(ours: Sequence[Row], baseline: Sequence[Row], rng: np.random.Gen
         return result
     _, scenes = np.unique([a["scene"] for a, _ in pairs], return_inverse=True)
     won, lost = (np.array([bool(pair[side]["success"]) for pair in pairs]) for side in (0, 1))
+    result["mcnemar_p"] = mcnemar_p(won, lost)
+    if scenes.max() == 0:
+        # Resampling a single scene always gives that scene: an interval of no width, which would be a lie.
+        return result
     error = np.array([a["error_m"] - b["error_m"] for a, b in pairs])
     return result | {
         "success_difference": asdict(paired_bootstrap(won.astype(float) - lost, scenes, rng)),
         "error_difference_m": asdict(paired_bootstrap(error, scenes, rng)),
-        "mcnemar_p": mcnemar_p(won, lost),
     }
 
 

@@ -18,7 +18,7 @@ from fairlead.core.records import TrialOutcome
 from fairlead.report import evidence_figures, figures, model_figures, tables
 from fairlead.report.sources import Sources, TrialSet, find_sources
 from fairlead.report.style import OUTCOMES, method_style, to_svg
-from fairlead.report.tables import Table
+from fairlead.report.tables import Table, counted
 from fairlead.report.videos import Clip, make_videos
 
 PAGE, TABLES = "report.html", "report.md"
@@ -105,8 +105,8 @@ def _trial_section(trials: TrialSet, save: _Figures, name: str, clips: list[Clip
     clock = "" if timed else " A counted budget does not look at the clock: times are those of execution alone."
     section = _Section(
         title=f"{config['scenario']}: {name}",
-        lead=f"{scenes} scenes of {config['scenes']}.json, {seeds} seed{'s' * (seeds > 1)}; every method on the same "
-        f"scenes, starts, goals and seeds. Budget {budget} a trial, protocol “{config['protocol']}”, "
+        lead=f"{counted(scenes, 'scene')} of {config['scenes']}.json, {counted(seeds, 'seed')}; every method on the "
+        f"same scenes, starts, goals and seeds. Budget {budget} a trial, protocol “{config['protocol']}”, "
         f"{config['planner']} planner.{clock}",
         bars=_bars(summary),
         tables=[tables.success_table(summary, str(budget)), tables.error_table(summary, config["scenario"])],
@@ -192,9 +192,10 @@ def _headline(sources: Sources) -> tuple[str, str]:
         return "Fairlead", "Models and data; no trials yet."
     trials = sources.trials[0]
     methods, scenario = trials.summary["methods"], trials.config["scenario"].replace("_", "-")
-    best = next(iter(methods))
-    text = f"{best} reaches the goal in {tables.rate(methods[best]['success'])} of {methods[best]['trials']} trials"
-    if "accept-all" in methods and best != "accept-all":
+    first = next(iter(methods))
+    tried = counted(methods[first]["trials"], "trial")
+    text = f"{first} reaches the goal in {tables.rate(methods[first]['success'])} of {tried}"
+    if "accept-all" in methods and first != "accept-all":
         text += f"; the same planner without trust (accept-all) in {tables.rate(methods['accept-all']['success'])}"
     return f"Rope {scenario}: planning only through what is trusted", text + "."
 

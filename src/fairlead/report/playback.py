@@ -29,8 +29,12 @@ class Branches:
 
 @dataclass(frozen=True)
 class Episode:
-    """One plan with its execution; where nothing was planned (stuck, recovering), `tree` and `predicted` are None."""
+    """One planning attempt with its execution, or (`planned` false) the recovery action after one that was stuck.
 
+    Where there is no plan to show, `tree` and `predicted` are None.
+    """
+
+    planned: bool
     tree: Branches | None
     predicted: Float[np.ndarray, "steps_and_one point 3"] | None
     trust: Float[np.ndarray, " steps"]
@@ -77,7 +81,7 @@ def recording(trace: Trace, title: str, point: int) -> Recording:
             if recovering and not part:
                 continue
             found = None if recovering or not len(plan.states) else plan
-            episodes.append(_episode(trace.layout, found, part, state, plan.at_s - clock, point))
+            episodes.append(_episode(trace.layout, not recovering, found, part, state, plan.at_s - clock, point))
             state = part[-1].state if part else state
             clock = part[-1].at_s if part else max(clock, plan.at_s)
     return Recording(title, tuple(episodes), trace.outcome.label, trace.outcome.sentence)
@@ -85,6 +89,7 @@ def recording(trace: Trace, title: str, point: int) -> Recording:
 
 def _episode(
     layout: StateLayout,
+    planned: bool,
     plan: TracedPlan | None,
     actions: list[TracedAction],
     state: Float[np.ndarray, " state"],
@@ -98,6 +103,7 @@ def _episode(
         tree = Branches(places, plan.tree.parents, plan.tree.trust)
         predicted = layout.points_of(plan.states)
     return Episode(
+        planned,
         tree,
         predicted,
         np.zeros(0) if plan is None else plan.trust,
@@ -113,9 +119,11 @@ def views(recording: Recording) -> Iterator[View]:
     seconds, plans, trail = 0.0, 0, ()
     view = None
     for index, episode in enumerate(recording.episodes):
-        plans += episode.tree is not None
+        plans += episode.planned
         view = View(episode.executed[0], episode.grippers[0], "planning", seconds, plans, index, trail=trail)
-        if episode.tree is not None:
+        if episode.planned and episode.tree is None:
+            yield from [replace(view, phase="stuck")] * _LATER_PLANNING
+        elif episode.tree is not None:
             count = _FIRST_PLANNING if index == 0 else _LATER_PLANNING
             for frame in range(count):
                 grown = (frame + 1) / count
@@ -132,7 +140,7 @@ def views(recording: Recording) -> Iterator[View]:
 
 def _executing(episode: Episode, view: View) -> Iterator[View]:
     """The frames of the actions that were executed, with straight lines between the observed states."""
-    phase = "recovering" if episode.predicted is None else "executing"
+    phase = "executing" if episode.planned else "recovering"
     seconds, trail = view.seconds, view.trail
     for step, took in enumerate(episode.seconds):
         count = max(2, round(float(took) * FPS / SPEED))

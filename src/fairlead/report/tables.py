@@ -40,7 +40,14 @@ def rate(interval: Mapping[str, float]) -> str:
     return f"{percent(interval['value'])} [{100 * interval['low']:.0f}, {100 * interval['high']:.0f}]"
 
 
-def _difference(interval: Mapping[str, float], scale: float, digits: int) -> str:
+def counted(number: int, noun: str) -> str:
+    """A number and its noun, in the plural where it is one."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def _difference(interval: Mapping[str, float] | None, scale: float, digits: int) -> str:
+    if interval is None:
+        return "-"
     low, value, high = (scale * interval[key] for key in ("low", "value", "high"))
     return f"{value:+.{digits}f} [{low:+.{digits}f}, {high:+.{digits}f}]"
 
@@ -97,9 +104,9 @@ def comparison_table(summary: Summary) -> Table:
         (
             f"{item['method']} vs {item['baseline']}",
             str(item["pairs"]),
-            _difference(item["success_difference"], 100, 0) if item["pairs"] else "-",
+            _difference(item.get("success_difference"), 100, 0),
             _p_value(item.get("mcnemar_p")),
-            _difference(item["error_difference_m"], 1, 3) if item["pairs"] else "-",
+            _difference(item.get("error_difference_m"), 1, 3),
             _p_value(item["welch_p"]),
         )
         for item in summary["comparisons"]

@@ -18,6 +18,7 @@ from PIL import Image, ImageDraw, ImageFont
 from fairlead.report.drawing import outlines
 from fairlead.report.playback import FPS, SPEED, Episode, Recording, View, views
 from fairlead.report.style import FAINT, GHOST, GOAL, GRIPPER, INK, MUTED, OBSTACLE, OUTCOMES, PAPER, ROPE
+from fairlead.report.tables import counted
 
 SIDE, HEAD, FOOT, GAP = 560, 50, 52, 20
 """Pixels: an arena's side, the space above and below it, and between."""
@@ -130,10 +131,10 @@ class Panel:
         goal = np.array(self.scene["goal"]["position"])
         error = float(np.linalg.norm(view.rope[self.point] - goal))
         below = (HEAD + SIDE + 12) * s
-        number = "plan" if view.plans == 1 else "plans"
-        text = f"{view.seconds:5.1f} s     {view.plans} {number}     {100 * error:5.1f} cm to the goal"
+        plans = counted(view.plans, "plan")
+        text = f"{view.seconds:5.1f} s     {plans}     {100 * error:5.1f} cm to the goal"
         if view.ended:
-            text = f"{self.recording.sentence}  {view.seconds:.1f} s, {view.plans} {number}."
+            text = f"{self.recording.sentence}  {view.seconds:.1f} s, {plans}."
         draw.text((0, below), text, font=_font(14), fill=INK)
         if view.trust is not None and not view.ended:
             draw.text((SIDE * s, below), f"trust {view.trust:.2f}", font=_font(14), fill=MUTED, anchor="ra")

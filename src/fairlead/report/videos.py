@@ -61,7 +61,8 @@ def choose(trials: TrialSet) -> list[tuple[str, list[str], tuple[str, int]]]:
         chosen.append((f"{method} beside {BASELINE} on {key[0]}: {why}.", [method, BASELINE], key))
     else:
         chosen += [(f"A success of {method} on {key[0]}.", [method], key) for key in ours if ours[key]["success"]][:1]
-    failures = [key for key in ours if not ours[key]["success"]]
+    shown = {key for _, _, key in chosen}
+    failures = [key for key in ours if not ours[key]["success"] and key not in shown]
     chosen += [(f"A failure of {method} on {key[0]}.", [method], key) for key in failures[:1]]
     return chosen
 
