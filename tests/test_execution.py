@@ -84,6 +84,8 @@ def test_the_first_plan_is_judged_after_it_was_executed_whole():
     assert (at_goal.plans, at_goal.reached_at_s, at_goal.first_plan_success) == (0, 0.0, None)
     stuck = trial(scripted_task([None]))
     assert (stuck.first_plan_success, stuck.first_plan_error_m) == (False, stuck.error_m)
+    goes_on = trial(scripted_task([0, 3]), Budget(extensions=200))
+    assert goes_on.first_plan_error_m == GOAL.error(START) != goes_on.error_m
     cut = trial(scripted_task([9]), Budget(seconds=3.5), clock=lambda: 0.0)
     assert (cut.actions, cut.first_plan_success, cut.first_plan_error_m) == (4, None, None)
 

@@ -17,6 +17,7 @@ from fairlead.core.roles import TransitionCheck
 from fairlead.core.streams import stream
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box
+from fairlead.planning.checks import AcceptAll
 from fairlead.planning.ompl import OmplRRT
 from fairlead.planning.problem import Problem, SearchSettings
 from fairlead.planning.rrt import BatchedRRT
@@ -26,6 +27,7 @@ PLANNERS = [BatchedRRT(), BatchedRRT(lanes=7, candidates=20), OmplRRT()]
 NAMES = ["batched", "seven-lanes", "ompl"]
 each_planner = pytest.mark.parametrize("planner", PLANNERS, ids=NAMES)
 START = straight(-0.4, 0.0)
+UNCLIPPED = RandomDisplacement(LAYOUT, 0.15, (-9, -9, 0.02), (9, 9, 0.02), planar=True)
 
 
 @final
@@ -124,10 +126,21 @@ def test_one_accepted_attempt_is_not_stuck(planner, number):
 def test_what_is_not_a_number_is_rejected_and_counted(planner):
     nan_check = planner.plan(scripted(Scripted(otherwise=np.nan)), START, meter(), stream(0))
     assert (nan_check.outcome, nan_check.invalid) == (PlanOutcome.STUCK, 32)
+    nothing_known = Problem(arena(), tail_goal(0.5, 0.1), BrokenChain(beyond=-9.0), AcceptAll(), SAMPLER)
+    nan_dynamics = planner.plan(nothing_known, START, meter(), stream(0))
+    assert (nan_dynamics.outcome, nan_dynamics.invalid) == (PlanOutcome.STUCK, 32)
     broken = planner.plan(problem(arena(), tail_goal(0.5, 0.1), BrokenChain()), START, meter(1000), stream(0))
     assert broken.invalid > 0
     assert np.isfinite(broken.tree.states).all()
     assert (broken.tree.states[:, 0] <= 0).all()
+
+
+@each_planner
+def test_nothing_leaves_the_bounds_even_where_everything_is_trusted(planner):
+    task = Problem(arena(), tail_goal(0.5, 0.1, radius=1e-6), FreeChain(), AcceptAll(), UNCLIPPED)
+    tree = planner.plan(task, straight(0.9, 0.0), meter(300), stream(0)).tree
+    assert len(tree.states) < 301
+    assert task.inside(tree.states).all()
 
 
 @each_planner
@@ -167,8 +180,7 @@ def test_every_iteration_is_one_full_batch_and_encodes_only_what_is_new():
 @settings(max_examples=10, deadline=None)
 def test_a_control_is_repeated_at_most_so_often(repeats, seed):
     planner = BatchedRRT(SearchSettings(repeats=repeats), lanes=8)
-    unclipped = RandomDisplacement(LAYOUT, 0.15, (-9, -9, 0.02), (9, 9, 0.02), planar=True)
-    task = Problem(arena(), tail_goal(9, 9), FreeChain(), Scripted(range(10**6)), unclipped)
+    task = Problem(arena(), tail_goal(9, 9), FreeChain(), AcceptAll(), UNCLIPPED)
     tree = planner.plan(task, START, meter(500), stream(seed)).tree
     moved = (tree.states - tree.states[tree.parents])[1:, :2]
     _, same = np.unique(moved.round(9), axis=0, return_counts=True)

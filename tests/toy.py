@@ -65,13 +65,16 @@ class FreeChain(Dynamics):
 
 @final
 class BrokenChain(Dynamics):
-    """Predicts NaN to the right of x = 0."""
+    """Predicts NaN to the right of `beyond` [m]."""
 
     layout = LAYOUT
 
+    def __init__(self, beyond: float = 0.0) -> None:
+        self.beyond = beyond
+
     def predict(self, environment: Environment, states: np.ndarray, actions: np.ndarray) -> Prediction:
         after = follow(states, actions.reshape(-1, 1, 3))
-        after[after[:, 0] > 0] = np.nan
+        after[after[:, 0] > self.beyond] = np.nan
         return Prediction(after, np.zeros(len(states)))
 
 
