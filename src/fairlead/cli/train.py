@@ -59,7 +59,7 @@ class Command:
             if getattr(self, name) is None:
                 raise FairleadError(f"train {self.model} needs --{name} DIR, the folder of the trained {name}")
         if self.model == "dynamics":
-            wide = {"network": "mlp", "hidden": 1024} if self.network == "mlp" else {}
+            wide = {"network": "mlp", "hidden": 1024, "planar": False} if self.network == "mlp" else {}
             other = {} if self.network in (None, "mlp") else {"network": self.network}
             config = replace(sizes.dynamics, **wide, **other)
             stages.dynamics(world, self.data, config, self.out, self.seed)

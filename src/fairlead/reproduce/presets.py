@@ -61,10 +61,10 @@ _SMOKE = Preset(
 )  # fmt: skip
 
 _DESK = Preset(
-    phase1=1536, phase2=384, full=672,
-    dynamics=DynamicsConfig(stages=(Stage(40, 512, 2e-3), Stage(5, 256, 5e-4, 4))),
+    phase1=1536, phase2=320, full=627,
+    dynamics=DynamicsConfig(stages=(Stage(40, 128, 2e-3), Stage(8, 128, 5e-4, 4))),
     full_dynamics=FullDynamicsConfig(stages=(Stage(3, 64),)),
-    trust=TrustConfig("voxel", hidden=128, limit=16_000, stages=(Stage(5, 64),)),
+    trust=TrustConfig("voxel", hidden=128, limit=12_000, stages=(Stage(4, 64),)),
     trust_sdf=TrustConfig("sdf", limit=100_000, stages=(Stage(8, 256),)),
     recovery=RecoveryConfig(limit=3000),
     methods=("trust", "trust+recovery", "trust-sdf", "accept-all", "full-dynamics", "collision-check",
@@ -74,7 +74,7 @@ _DESK = Preset(
 
 _PAPER = Preset(
     phase1=6144, phase2=2048, full=3277,
-    dynamics=DynamicsConfig(stages=(Stage(100, 512, 2e-3), Stage(12, 256, 5e-4, 4))),
+    dynamics=DynamicsConfig(stages=(Stage(40, 128, 2e-3), Stage(10, 128, 5e-4, 4))),
     full_dynamics=FullDynamicsConfig(stages=(Stage(8, 64),)),
     trust=TrustConfig("voxel", hidden=128, limit=60_000, stages=(Stage(8, 64),)),
     trust_sdf=TrustConfig("sdf", limit=400_000, stages=(Stage(12, 256),)),
