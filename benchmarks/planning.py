@@ -7,13 +7,13 @@ Rates are in checked transitions a second.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
-from statistics import median
+from dataclasses import replace
 from typing import final
 
 import numpy as np
 from jaxtyping import Float
 
+from benchmarks.rates import Rates
 from fairlead.core.budget import Budget, Meter
 from fairlead.core.records import Plan, Transitions
 from fairlead.core.roles import ActionSampler, Environment, Goal, TransitionCheck
@@ -23,15 +23,6 @@ from fairlead.planning.problem import Planner, Problem, SearchSettings
 from fairlead.planning.rrt import BatchedRRT
 
 ROUNDS = 5
-
-
-@dataclass(frozen=True)
-class Rates:
-    """Median ratio of two rates measured in turns, and the median of each."""
-
-    ratio: float
-    ours: float
-    reference: float
 
 
 @final
@@ -144,7 +135,7 @@ def planner_vs_ompl(
          timed_plan(OmplRRT(), problem, start, ompl_extensions, seed)[0])
         for seed in range(ROUNDS)
     ]  # fmt: skip
-    return _rates(pairs)
+    return Rates.of(pairs)
 
 
 def planner_vs_networks(problem: Problem, start: Float[np.ndarray, " state"], extensions: int = 10_000) -> Rates:
@@ -156,7 +147,7 @@ def planner_vs_networks(problem: Problem, start: Float[np.ndarray, " state"], ex
          networks_alone(problem, plan, planner.lanes, extensions))
         for seed in range(ROUNDS)
     ]  # fmt: skip
-    return _rates(pairs)
+    return Rates.of(pairs)
 
 
 def rate_by_tree_size(
@@ -172,7 +163,3 @@ def rate_by_tree_size(
         near = (nodes > 0.8 * size) & (nodes < 1.2 * size)
         rates[size] = planner.lanes / float(np.median(seconds[near]))
     return rates
-
-
-def _rates(pairs: list[tuple[float, float]]) -> Rates:
-    return Rates(median(a / b for a, b in pairs), median(a for a, _ in pairs), median(b for _, b in pairs))

@@ -1,0 +1,1 @@
+"""Ratios of rates, each measured in one run: `python -m benchmarks`."""
