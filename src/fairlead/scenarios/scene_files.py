@@ -16,6 +16,7 @@ from fairlead.core.layout import StateLayout
 from fairlead.geometry.shapes import Box, Obstacle
 
 Vector = tuple[float, ...]
+_JSON_NAMES = {dict: "an object", list: "a list", str: "a string"}
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ class _Reader:
             raise self.fail(key, f"missing; found: {', '.join(sorted(self.value)) or 'nothing'}")
         found = self.value[key]
         if not isinstance(found, kind):
-            raise self.fail(key, f"a {kind.__name__} is needed, got {type(found).__name__}")
+            raise self.fail(key, f"{_JSON_NAMES[kind]} is needed, got {type(found).__name__}")
         return found
 
     def child(self, key: str, value: Any) -> _Reader:
@@ -112,10 +113,10 @@ def _read_obstacle(reader: _Reader) -> Obstacle:
 
 
 def _read_goal(reader: _Reader) -> GoalSpec:
-    radius = reader.get("radius", int | float)  # type: ignore[arg-type]
-    if not (np.isfinite(radius) and radius > 0):
+    (radius,) = reader.as_vector("radius", [reader.get("radius", object)], 1)
+    if radius <= 0:
         raise reader.fail("radius", f"a positive number of metres is needed, got {radius}")
-    return GoalSpec(reader.get("target", str), reader.vector("position"), float(radius))
+    return GoalSpec(reader.get("target", str), reader.vector("position"), radius)
 
 
 def _read_scene(reader: _Reader, layout: StateLayout) -> Scene:

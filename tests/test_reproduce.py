@@ -1,0 +1,91 @@
+"""The whole line at its smallest: everything it promises is there, and a second run does nothing again."""
+
+from __future__ import annotations
+
+import json
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from fairlead.core.artifacts import read_jsonl
+from fairlead.core.errors import ArtifactError, UnknownNameError
+from fairlead.reproduce import stages
+from fairlead.reproduce.line import benchmark_scenes, reproduce
+from fairlead.reproduce.presets import PRESETS, preset
+from fairlead.scenarios.registry import scenario
+
+DRAGGING = scenario("dragging")
+SMOKE = preset("dragging", "smoke")
+
+
+@contextmanager
+def _no_bar(title: str, total: int, unit: str):
+    yield lambda count: None
+
+
+@pytest.fixture(scope="module")
+def line(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("line")
+    reproduce(DRAGGING, SMOKE, out, 0, 2, _no_bar)
+    return out
+
+
+def test_every_method_was_tried_and_reported(line: Path) -> None:
+    rows = list(read_jsonl(line / "trials" / "trials.jsonl"))
+    assert {row["method"] for row in rows} == set(SMOKE.methods)
+    page = (line / "report" / "report.html").read_text()
+    assert all(method in page for method in SMOKE.methods)
+    assert 'src="http' not in page
+
+
+def test_every_artifact_has_a_manifest(line: Path) -> None:
+    folders = [*(line / "data").iterdir(), *(line / "models").iterdir(), line / "trials", line / "report"]
+    for folder in folders:
+        manifest = json.loads((folder / "manifest.json").read_text())
+        assert manifest["files"], folder
+        assert {"git", "versions", "hardware", "command", "seed"} <= set(manifest)
+
+
+def test_a_second_run_trains_nothing_again(line: Path) -> None:
+    weights = sorted((line / "models").glob("*/model.safetensors"))
+    before = [(path, path.stat().st_mtime_ns) for path in weights]
+    for name in ("dynamics", "full-dynamics"):
+        data = line / "data" / ("phase1" if name == "dynamics" else "full")
+        train = stages.dynamics if name == "dynamics" else stages.full_dynamics
+        config = SMOKE.dynamics if name == "dynamics" else SMOKE.full_dynamics
+        train(DRAGGING, data, config, line / "models" / name, 0)
+    stages.trust(DRAGGING, line / "data" / "phase2", line / "models" / "dynamics", SMOKE.trust_sdf,
+                 line / "models" / "trust-sdf", 0)  # fmt: skip
+    assert before == [(path, path.stat().st_mtime_ns) for path in weights]
+
+
+def test_other_settings_are_not_taken_for_the_same_model(line: Path) -> None:
+    data, model = {"data": line / "data" / "phase1"}, line / "models" / "dynamics"
+    assert stages.finished(model, SMOKE.dynamics, data, 0)
+    assert not stages.finished(model, SMOKE.dynamics, data, 1)
+    assert not stages.finished(model, replace(SMOKE.dynamics, hidden=33), data, 0)
+    assert not stages.finished(model, SMOKE.dynamics, {"data": line / "data" / "phase2"}, 0)
+
+
+def test_data_of_another_stage_are_refused_by_name(line: Path, tmp_path: Path) -> None:
+    with pytest.raises(ArtifactError, match=r"manifest\.json"):
+        stages.dynamics(DRAGGING, tmp_path / "nothing", SMOKE.dynamics, tmp_path / "model", 0)
+    assert not (tmp_path / "model").exists()
+
+
+def test_names_of_presets() -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'desk'"):
+        preset("dragging", "dekc")
+    assert set(PRESETS["dragging"]) == {"smoke", "desk", "paper"}
+
+
+def test_the_paper_preset_has_the_papers_data() -> None:
+    sizes = preset("dragging", "paper")
+    assert (sizes.phase1, sizes.phase2, sizes.steps2, sizes.dynamics.members) == (6144, 2048, 50, 8)
+    assert sizes.full * 50 >= 6144 * 10 + 2048 * 50 > (sizes.full - 1) * 50
+
+
+def test_the_benchmark_scenes_come_with_the_package() -> None:
+    assert len(DRAGGING.scenes(benchmark_scenes("dragging")).scenes) == 50
