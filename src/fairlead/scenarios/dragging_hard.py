@@ -114,10 +114,11 @@ def _corner_goal(scenario: Dragging, rng: np.random.Generator, place: Float[np.n
     centre, yaw = rng.uniform(-0.55, 0.55, 2), rng.uniform(-np.pi, np.pi)
     goal = centre + _turn(place, yaw)
     fixed = {"corner1": _on_floor(CORNER, "corner1", tuple(centre), float(yaw))}
+    state = scenario.random_start(rng)
     for _ in range(200):
-        state = scenario.random_start(rng)
         if box_distance(fixed["corner1"].boxes, state.reshape(-1, 3)).min() > 0.05:
             break
+        state = scenario.random_start(rng)
     clear = np.concatenate([state.reshape(-1, 3), [[*goal, 0.02]]])
     return _rest(_others(fixed), fixed, clear, rng), state, goal
 

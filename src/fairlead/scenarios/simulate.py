@@ -64,4 +64,4 @@ class Simulation:
         """Which of these simulations have left what is physical: not finite, or impossibly fast."""
         velocity = self.qvel[ids]
         sound = np.isfinite(self.qpos[ids]).all(axis=1) & (np.abs(velocity) < SPEED_LIMIT).all(axis=1)
-        return ~sound
+        return np.asarray(~sound)
