@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import platform
 import shutil
-import subprocess
 from dataclasses import dataclass
 from importlib import import_module, metadata
 from pathlib import Path
@@ -50,23 +49,13 @@ def _video() -> str:
         return f"missing ({str(error).splitlines()[0]}): pip install --force-reinstall imageio-ffmpeg"
 
 
-def _graphics_card() -> str:
-    if not shutil.which("nvidia-smi"):
-        return "none (not needed)"
-    found = subprocess.run(["nvidia-smi", "-L"], capture_output=True, text=True, check=False)
-    return ", ".join(found.stdout.split("\n")).strip(", ") or "none that works (not needed)"
-
-
 def examine() -> dict[str, Any]:
     """What is here: libraries, rendering, video, cores, disk. A value that begins with 'missing' is a problem."""
     import_module("fairlead.scenarios")  # chooses MuJoCo's renderer, so before MuJoCo itself
     found: dict[str, Any] = {"python": platform.python_version(), **{name: _library(name) for name in ENGINES}}
-    for key, needs, probe in (
-        ("rendering", "mujoco", _rendering),
-        ("video", "imageio-ffmpeg", _video),
-    ):
+    for key, needs, probe in (("rendering", "mujoco", _rendering), ("video", "imageio-ffmpeg", _video)):
         found[key] = f"missing: it needs {needs}" if found[needs].startswith("missing") else probe()
-    found["graphics card"] = _graphics_card()
+    found["graphics card"] = "present" if shutil.which("nvidia-smi") else "none (not needed)"
     found["cores"] = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     found["free disk (GB)"] = round(shutil.disk_usage(Path.cwd()).free / 1e9, 1)
     return found
