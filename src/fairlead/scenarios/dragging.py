@@ -46,20 +46,38 @@ OBSTACLES = (*(Obstacle(f"box{i + 1}", CUBE.boxes) for i in range(6)),
 
 @dataclass(frozen=True)
 class Gripper:
-    """A force-limited sphere that follows a set-point moving at constant speed.
+    """A force-limited sphere that follows a set-point.
 
-    f = clip(kp (x_set - x) + kv (v_set - v), force): the clip is on the length of the vector.
+    f = clip(kp (x_set - x) + kv (v_set - v), force): the clip is on the length of the vector. The set-point moves at
+    constant `speed` [m/s] and brakes at `braking` [m/s^2], gentler than friction brakes the rope (mu g), so that the
+    rope does not run into its own gripper; it comes to rest within `timeout` [s].
     """
 
     radius: float = 0.02
     mass: float = 0.2
     force: float = 2.0
     speed: float = 0.15
+    braking: float = 0.9
     kp: float = 400.0
     kv: float = 25.0
     tolerance: float = 0.005
     timeout: float = 1.0
     settle: float = 0.2
+
+    def profile(
+        self, length: Float[np.ndarray, "batch 1"], time: float
+    ) -> tuple[Float[np.ndarray, "batch 1"], Float[np.ndarray, "batch 1"]]:
+        """How far [m] and how fast [m/s] the set-point is, `time` seconds after leaving for a target `length` away.
+
+        With v = min(speed, sqrt(2 a l)) and T = (l - v^2 / 2a) / v + v / a:
+        v t while cruising, l - a (T - t)^2 / 2 while braking; l is cut to what can be done before the timeout.
+        """
+        a = self.braking
+        length = np.minimum(length, self.speed * self.timeout - self.speed**2 / (2 * a))
+        cruise = np.minimum(self.speed, np.sqrt(2 * a * length)) + 1e-12
+        left = np.maximum((length - cruise**2 / (2 * a)) / cruise + cruise / a - time, 0.0)
+        braking = left < cruise / a
+        return np.where(braking, length - a * left**2 / 2, cruise * time), np.where(braking, a * left, cruise)
 
 
 @lru_cache(maxsize=16)
@@ -181,7 +199,8 @@ class DraggingWorld(SimulatedWorld):
             self._drive(active, start[active], targets[active], k * simulation.dt)
             simulation.step(active)
             gap = targets[active] - simulation.qpos[active, :2]
-            arrived = (gap * gap).sum(1) < gripper.tolerance**2
+            at_rest = np.abs(simulation.qvel[active, :2]).max(1) < gripper.tolerance
+            arrived = at_rest & ((gap * gap).sum(1) < gripper.tolerance**2)
             if k % 5 == 0:
                 arrived |= simulation.diverged(active)
             if arrived.any():
@@ -200,9 +219,9 @@ class DraggingWorld(SimulatedWorld):
         """Set the gripper forces for a set-point that left `start` `time` seconds ago."""
         gripper, way = self.gripper, target - start
         length = np.sqrt((way * way).sum(1, keepdims=True)) + 1e-12
-        moving = gripper.speed * time < length
-        setpoint = start + way * np.minimum(gripper.speed * time / length, 1.0)
-        velocity = way * (moving * gripper.speed / length)
+        travelled, speed = gripper.profile(length, time)
+        direction = way / length
+        setpoint, velocity = start + travelled * direction, speed * direction
         force = gripper.kp * (setpoint - self.simulation.qpos[ids, :2]) + gripper.kv * (
             velocity - self.simulation.qvel[ids, :2]
         )

@@ -35,7 +35,6 @@ class PlanarRope:
         friction: sliding friction coefficient on the floor and on obstacles.
         bend_limit: largest angle between two links [rad].
         damping: of each hinge [N m s / rad].
-        stiffness: of each hinge, which pulls it straight [N m / rad].
     """
 
     links: int = 10
@@ -46,7 +45,6 @@ class PlanarRope:
     friction: float = 0.1
     bend_limit: float = float(np.radians(160))
     damping: float = 4e-3
-    stiffness: float = 2e-3
 
     def __post_init__(self) -> None:
         lengths = (self.link_length, self.radius, self.link_mass, self.bend_limit)
@@ -64,11 +62,7 @@ class PlanarRope:
         for i in reversed(range(self.links)):
             first = i == self.links - 1
             body = parent.add_body(name=f"link{i}", pos=[x, 0, 0])
-            limits = (
-                {}
-                if first
-                else {"limited": True, "range": [-self.bend_limit, self.bend_limit], "stiffness": self.stiffness}
-            )
+            limits = {} if first else {"limited": True, "range": [-self.bend_limit, self.bend_limit]}
             body.add_joint(name=f"hinge{i}", axis=[0, 0, 1], damping=self.damping, **limits)
             centre = self.grip_offset if first else self.link_length / 2
             end = centre + self.link_length / 2
