@@ -227,3 +227,19 @@ def test_authors_scenes_start_where_they_say(authors_scenes: Path) -> None:
 def test_a_rope_without_links_is_refused() -> None:
     with pytest.raises(Exception, match="at least two links"):
         PlanarRope(links=1)
+
+
+def test_the_world_has_no_preferred_direction() -> None:
+    """Turned starts and actions lead to turned outcomes: friction is a cone, not a pyramid along the axes."""
+    rng = stream(9, "turn")
+    starts = np.array([DRAGGING.random_start(rng) for _ in range(12)])
+    actions = DRAGGING.unconstrained_sampler.propose(starts, rng)
+    turn = np.eye(3)
+    turn[:2, :2] = [[np.cos(0.6), -np.sin(0.6)], [np.sin(0.6), np.cos(0.6)]]
+
+    def turned(vectors: np.ndarray) -> np.ndarray:
+        return (vectors.reshape(len(vectors), -1, 3) @ turn.T).reshape(len(vectors), -1)
+
+    straight = DRAGGING.simulate_unconstrained(starts).execute(actions).states
+    other = DRAGGING.simulate_unconstrained(turned(starts)).execute(turned(actions)).states
+    assert np.abs(turned(straight) - other).max() < 0.0005

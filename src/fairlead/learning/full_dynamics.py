@@ -61,7 +61,7 @@ class FullNetwork(nn.Module):
 
     def __init__(self, layout: StateLayout, config: FullDynamicsConfig) -> None:
         super().__init__()
-        self.layout, self.grid, hidden = layout, config.grid, config.hidden
+        self.layout, self.grid, self.planar, hidden = layout, config.grid, config.planar, config.hidden
         self.encoder = VoxelEncoder(config.grid.channels(layout), config.grid, config.planar)
         sizes = (self.encoder.size, 32, 32)
         self.code = nn.Sequential(
@@ -89,7 +89,10 @@ class FullNetwork(nn.Module):
         origin = torch.from_numpy(local_origin(self.layout, current)).repeat(1, self.layout.state_size // 3)
         local = torch.cat([states - origin, actions - origin[:, : actions.shape[1]]], dim=1) / UNIT_M
         product = self.vectors(local)[:, :, None] * code[:, None, :]
-        return states + UNIT_M * self.change(product.flatten(1))
+        change = UNIT_M * self.change(product.flatten(1))
+        if self.planar:  # heights are left alone, as the unconstrained dynamics do
+            change = change * torch.tensor([1.0, 1.0, 0.0]).repeat(self.layout.state_size // 3)
+        return states + change
 
 
 @final

@@ -63,7 +63,7 @@ _SMOKE = Preset(
 _DESK = Preset(
     phase1=1536, phase2=320, full=627,
     dynamics=DynamicsConfig(stages=(Stage(40, 128, 2e-3), Stage(3, 128, 5e-4, 4))),
-    full_dynamics=FullDynamicsConfig(stages=(Stage(3, 64),)),
+    full_dynamics=FullDynamicsConfig(stages=(Stage(6, 64), Stage(1, 64, 3e-4, 4))),
     trust=TrustConfig("voxel", hidden=128, limit=12_000, stages=(Stage(4, 64),)),
     trust_sdf=TrustConfig("sdf", limit=100_000, stages=(Stage(8, 256),)),
     recovery=RecoveryConfig(limit=3000),
@@ -75,7 +75,7 @@ _DESK = Preset(
 _PAPER = Preset(
     phase1=6144, phase2=2048, full=3277,
     dynamics=DynamicsConfig(stages=(Stage(40, 128, 2e-3), Stage(10, 128, 5e-4, 4))),
-    full_dynamics=FullDynamicsConfig(stages=(Stage(8, 64),)),
+    full_dynamics=FullDynamicsConfig(stages=(Stage(40, 64), Stage(10, 64, 3e-4, 4))),
     trust=TrustConfig("voxel", hidden=128, limit=60_000, stages=(Stage(8, 64),)),
     trust_sdf=TrustConfig("sdf", limit=400_000, stages=(Stage(12, 256),)),
     recovery=RecoveryConfig(limit=20_000),

@@ -56,7 +56,7 @@ class Gripper:
     radius: float = 0.02
     mass: float = 0.2
     force: float = 2.0
-    speed: float = 0.15
+    speed: float = 0.17
     braking: float = 0.9
     kp: float = 400.0
     kv: float = 25.0
