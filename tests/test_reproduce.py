@@ -61,18 +61,23 @@ def test_a_second_run_trains_nothing_again(line: Path) -> None:
     assert before == [(path, path.stat().st_mtime_ns) for path in weights]
 
 
-def test_other_settings_are_not_taken_for_the_same_model(line: Path) -> None:
+def test_a_finished_model_is_never_taken_for_another_nor_overwritten(line: Path) -> None:
     data, model = {"data": line / "data" / "phase1"}, line / "models" / "dynamics"
     assert stages.finished(model, SMOKE.dynamics, data, 0)
-    assert not stages.finished(model, SMOKE.dynamics, data, 1)
-    assert not stages.finished(model, replace(SMOKE.dynamics, hidden=33), data, 0)
-    assert not stages.finished(model, SMOKE.dynamics, {"data": line / "data" / "phase2"}, 0)
+    with pytest.raises(ArtifactError, match="other seed"):
+        stages.finished(model, SMOKE.dynamics, data, 1)
+    with pytest.raises(ArtifactError, match="other settings"):
+        stages.finished(model, replace(SMOKE.dynamics, hidden=33), data, 0)
+    with pytest.raises(ArtifactError, match="other inputs"):
+        stages.finished(model, SMOKE.dynamics, {"data": line / "data" / "phase2"}, 0)
 
 
 def test_data_of_another_stage_are_refused_by_name(line: Path, tmp_path: Path) -> None:
     with pytest.raises(ArtifactError, match=r"manifest\.json"):
         stages.dynamics(DRAGGING, tmp_path / "nothing", SMOKE.dynamics, tmp_path / "model", 0)
-    assert not (tmp_path / "model").exists()
+    with pytest.raises(ArtifactError, match="dataset of phase '2'; one of '1'"):
+        stages.dynamics(DRAGGING, line / "data" / "phase2", SMOKE.dynamics, tmp_path / "model", 0)
+    assert not (tmp_path / "model" / "manifest.json").exists()
 
 
 def test_names_of_presets() -> None:

@@ -10,7 +10,8 @@ import pytest
 
 from fairlead.core.records import ActionOutcome
 from fairlead.core.streams import stream
-from fairlead.scenarios.dragging import LAYOUT, OBSTACLES, WALLS, Gripper, build_spec
+from fairlead.scenarios.dragging import OBSTACLES
+from fairlead.scenarios.dragging_world import LAYOUT, WALLS, DraggingWorld, Gripper, build_spec
 from fairlead.scenarios.obstacles import box_sizes
 from fairlead.scenarios.registry import scenario
 from fairlead.scenarios.rope import PlanarRope
@@ -36,6 +37,15 @@ def _random_worlds(count: int, seed: int, threads: int = 1):
     states = np.array([DRAGGING.random_start(rng) for _ in range(count)])
     obstacles = [DRAGGING.random_obstacles(state, rng) for state in states]
     return DRAGGING.simulate(obstacles, states, threads), obstacles, rng
+
+
+def _penetration(world: DraggingWorld, copy: int) -> float:
+    """How deep [m] the deepest contact with a wall or an obstacle is; feet and floor left out."""
+    model, data = world.simulation.model, world.simulation.batch.get_data(copy)
+    mujoco.mj_forward(model, data)
+    floor = model.geom("floor").id
+    touching = (data.contact.geom != floor).all(axis=1)
+    return float(-data.contact.dist[touching].min(initial=0.0))
 
 
 def test_free_fall() -> None:
@@ -111,7 +121,6 @@ def test_full_force_pushes_neither_tunnel_nor_sink() -> None:
     world, obstacles, rng = _random_worlds(count, 2, threads=2)
     fields = [DRAGGING.environment(o) for o in obstacles]
     everyone = np.arange(count, dtype=np.int32)
-    lengths = (ROPE.link_length, ROPE.link_length + 1e-9)
     for _ in range(16):
         start = world.simulation.qpos[:, :2].copy()
         yaw = rng.uniform(-np.pi, np.pi, count)
@@ -120,12 +129,9 @@ def test_full_force_pushes_neither_tunnel_nor_sink() -> None:
             world._drive(everyone, start, target, 0.004 * k)
             world.simulation.step(everyone)
             if k % 50 == 0:
-                states = world.observe()
-                chain = states.reshape(count, -1, 3)
-                for field, points in zip(fields, chain, strict=True):
-                    worst = max(worst, ROPE.radius - field.signed_distance(points).min())
-                rope = LAYOUT.points_of(states)
-                assert np.linalg.norm(np.diff(rope, axis=1), axis=-1).max() <= lengths[1] * 1.02
+                for i, (field, state) in enumerate(zip(fields, world.observe(), strict=True)):
+                    assert field.signed_distance(state.reshape(-1, 3)).min() > 0, "a point is inside an obstacle"
+                    worst = max(worst, _penetration(world, i))
     assert not world.simulation.diverged(everyone).any()
     assert worst < 0.003, f"penetration of {1000 * worst:.2f} mm"
 
@@ -181,14 +187,15 @@ def test_an_observed_state_can_be_simulated_again() -> None:
     assert np.median(np.abs(first - second).max(axis=1)) < 0.0005
 
 
-def test_divergence_is_found_and_never_observed() -> None:
+@pytest.mark.parametrize("speed", [np.nan, 1e4])
+def test_divergence_is_found_and_never_observed(speed: float) -> None:
     world, _, rng = _random_worlds(3, 7)
     before = world.observe()
     drive = world._drive
 
     def break_one(ids, *rest):
         drive(ids, *rest)
-        world.simulation.qvel[1] = np.nan
+        world.simulation.qvel[1] = speed
 
     world._drive = break_one
     executed = world.execute(DRAGGING.sampler.propose(before, rng))

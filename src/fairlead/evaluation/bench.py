@@ -120,7 +120,8 @@ class Bench:
         seed = stream_seed(job.seed, "trial", scenario.name, scene.name)
         task = Task(environment, goal, plan, recovery)
         result = run_trial(world, task, budget, self.config.protocol, seed, _recorder(job, names))
-        return names | result.row() | {"budget": str(budget), "protocol": self.config.protocol.label}
+        about = {"budget": str(budget), "protocol": self.config.protocol.label}
+        return names | result.row() | about | {"start_residual_m": round(float(world.residual[0]), 6)}
 
 
 def scaled(budget: Budget, factor: float) -> Budget:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TypeVar, final
 
 from fairlead.core import plugins
-from fairlead.core.artifacts import MANIFEST, read_json, sha256
+from fairlead.core.artifacts import MANIFEST, read_json, read_manifest, sha256
 from fairlead.core.errors import ArtifactError, UnknownNameError
 from fairlead.core.roles import Dynamics, RecoveryPolicy, TransitionCheck
 from fairlead.learning.registry import load_check, load_dynamics, load_full_dynamics, load_recovery
@@ -65,6 +65,18 @@ class Models:
         """Model name -> SHA-256 of its manifest."""
         return {path.parent.name: sha256(path) for path in sorted(self.folder.glob(f"*/{MANIFEST}"))}
 
+    def folder_of(self, name: str) -> Path:
+        """The folder of a model that was trained on this folder's dynamics.
+
+        Raises:
+            ArtifactError: it was trained on others, whose predictions and delta may differ.
+        """
+        folder = self.folder / name
+        trained_on = read_manifest(folder, "model").inputs.get("dynamics")
+        if trained_on != self.hashes().get("dynamics"):
+            raise ArtifactError(folder, "trained on other dynamics than those beside it; train it again")
+        return folder
+
     @cached_property
     def spread_threshold_m(self) -> float:
         """The trusted spread: the best balanced accuracy on the validation labels of a classifier's training."""
@@ -85,8 +97,8 @@ CHECKS: dict[str, Callable[[Models], TransitionCheck]] = {
     "accept-all": lambda models: AcceptAll(),
     "collision": lambda models: CollisionCheck(models.scenario.layout, models.scenario.rope_radius),
     "spread": lambda models: SpreadThreshold(models.spread_threshold_m),
-    "trust": lambda models: load_check(models.folder / "trust", models.scenario.name),
-    "trust-sdf": lambda models: load_check(models.folder / "trust-sdf", models.scenario.name),
+    "trust": lambda models: load_check(models.folder_of("trust"), models.scenario.name),
+    "trust-sdf": lambda models: load_check(models.folder_of("trust-sdf"), models.scenario.name),
 }
 """Others come by entry points in `fairlead.checks`: a function of the models."""
 
@@ -99,7 +111,7 @@ RECOVERIES: dict[str, Callable[[Models], RecoveryPolicy]] = {
 
 
 def _recovery(models: Models, name: str) -> RecoveryPolicy:
-    return load_recovery(models.folder / name, models.scenario.name, models.scenario.sampler)
+    return load_recovery(models.folder_of(name), models.scenario.name, models.scenario.sampler)
 
 
 def find_method(name: str) -> Method:

@@ -174,7 +174,11 @@ class _Trial:
         if self._plans == 1:
             self._first = False, self._error
         rng = stream(self._seed, "recovery", self._recoveries)
-        actions = self._task.recovery.choose(self._task.environment, self._state[None], rng)
+        self._meter.start_planning()
+        try:
+            actions = self._task.recovery.choose(self._task.environment, self._state[None], rng)
+        finally:
+            self._meter.stop_planning()
         if actions is None:
             return False
         if not self._out_of_time:

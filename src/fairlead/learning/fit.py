@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Int
+from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from torch import Tensor, nn
 
@@ -164,7 +165,8 @@ def _epoch(
 
 def _progress() -> Progress:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    return Progress(*columns, TextColumn("epochs"), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
+    columns += (TextColumn("epochs"), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
+    return Progress(*columns, console=Console(stderr=True))
 
 
 def write_curves(folder: Path, title: str, history: Sequence[Mapping[str, float]]) -> None:

@@ -72,7 +72,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """What both planners share (paper, "Planning"; the numbers of its authors' runs).
+    """What both planners share (paper, "Planning"; its authors' numbers, but for the limits of an attempt).
 
     Args:
         goal_bias: how often the tree is steered to the goal instead of a random state.

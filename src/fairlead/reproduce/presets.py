@@ -1,4 +1,4 @@
-"""How large the line is: `smoke` for tests, `desk` for an afternoon's question, `paper` for the paper's data sizes."""
+"""How large the line is: `smoke` for tests, `desk` for a quarter of an hour, `paper` for the paper's data sizes."""
 
 from __future__ import annotations
 

@@ -7,10 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from fairlead.core.artifacts import MANIFEST, read_json, read_manifest, sha256, verify_files
-from fairlead.core.errors import ArtifactError, FairleadError
+from fairlead.core.errors import ArtifactError
 from fairlead.data.store import load
 from fairlead.evaluation.evidence import write_evidence
 from fairlead.learning.dynamics import DynamicsConfig, train_dynamics
@@ -19,7 +17,7 @@ from fairlead.learning.model_files import Job
 from fairlead.learning.recovery import RecoveryConfig, train_recovery
 from fairlead.learning.registry import load_check, load_delta, load_dynamics
 from fairlead.learning.rollout import Splits
-from fairlead.learning.trust import train_trust
+from fairlead.learning.trust import train_trust, trust_config_from
 from fairlead.learning.trust_network import TrustConfig
 from fairlead.scenarios.scenario import Scenario
 
@@ -27,15 +25,16 @@ CONTACT_M = 0.005
 """A rope point this near to an obstacle's surface, beyond the rope's radius, is in contact in the evidence."""
 
 
-def splits(folder: Path, scenario: str) -> Splits:
+def splits(folder: Path, scenario: str, phase: int) -> Splits:
     """The three splits of a dataset.
 
     Raises:
-        ArtifactError: not a finished dataset, or one of another scenario.
+        ArtifactError: not a finished dataset, or one of another scenario or phase.
     """
-    found = read_manifest(folder, "dataset").config["scenario"]
-    if found != scenario:
-        raise ArtifactError(folder, f"a dataset of scenario '{found}'; one of '{scenario}' is needed here")
+    config = read_manifest(folder, "dataset").config
+    for key, needed in (("scenario", scenario), ("phase", phase)):
+        if config[key] != needed:
+            raise ArtifactError(folder, f"a dataset of {key} '{config[key]}'; one of '{needed}' is needed here")
     return Splits(load(folder, "train"), load(folder, "validation"), load(folder, "test"))
 
 
@@ -47,14 +46,22 @@ def _hashes(inputs: Mapping[str, Path]) -> dict[str, str]:
 
 
 def finished(folder: Path, config: Any, inputs: Mapping[str, Path], seed: int) -> bool:
-    """Whether `folder` holds the model of this configuration, seed and these inputs, undamaged."""
+    """Whether `folder` holds the model of this configuration, seed and these inputs, undamaged.
+
+    Raises:
+        ArtifactError: it holds another model: nothing finished is overwritten.
+    """
     if not (folder / MANIFEST).exists():
         return False
     manifest = read_manifest(folder, "model")
     verify_files(folder, manifest)
     values = manifest.config["config"]
-    same = values.get("recovery", values) == _plain(asdict(config))
-    return same and manifest.inputs == _hashes(inputs) and manifest.seed == seed
+    found = {"settings": values.get("recovery", values), "inputs": manifest.inputs, "seed": manifest.seed}
+    wanted = {"settings": _plain(asdict(config)), "inputs": _hashes(inputs), "seed": seed}
+    for name, value in wanted.items():
+        if found[name] != value:
+            raise ArtifactError(folder, f"holds a model of other {name}; choose another folder, or remove this one")
+    return True
 
 
 def _plain(value: Any) -> Any:
@@ -74,13 +81,13 @@ def _model(
 def dynamics(scenario: Scenario, data: Path, config: DynamicsConfig, out: Path, seed: int) -> None:
     """Train the unconstrained dynamics on phase 1 data."""
     _model(scenario, out, config, {"data": data}, seed,
-           lambda job: train_dynamics(splits(data, scenario.name), config, job))  # fmt: skip
+           lambda job: train_dynamics(splits(data, scenario.name, 1), config, job))  # fmt: skip
 
 
 def full_dynamics(scenario: Scenario, data: Path, config: FullDynamicsConfig, out: Path, seed: int) -> None:
     """Train the full dynamics baseline on data recorded as in phase 2."""
     _model(scenario, out, config, {"data": data}, seed,
-           lambda job: train_full_dynamics(splits(data, scenario.name), config, job))  # fmt: skip
+           lambda job: train_full_dynamics(splits(data, scenario.name, 2), config, job))  # fmt: skip
 
 
 def trust(scenario: Scenario, data: Path, dynamics: Path, config: TrustConfig, out: Path, seed: int) -> None:
@@ -88,7 +95,7 @@ def trust(scenario: Scenario, data: Path, dynamics: Path, config: TrustConfig, o
 
     def train(job: Job) -> None:
         model, delta = load_dynamics(dynamics, scenario.name), load_delta(dynamics, scenario.name)
-        train_trust(model, splits(data, scenario.name), delta, config, job)
+        train_trust(model, splits(data, scenario.name, 2), delta, config, job)
 
     _model(scenario, out, config, {"data": data, "dynamics": dynamics}, seed, train)
 
@@ -100,7 +107,7 @@ def recovery(
 
     def train(job: Job) -> None:
         model, check = load_dynamics(dynamics, scenario.name), load_check(trust, scenario.name)
-        train_recovery(model, check, scenario.sampler, splits(data, scenario.name), config, job)
+        train_recovery(model, check, scenario.sampler, splits(data, scenario.name, 2), config, job)
 
     _model(scenario, out, config, {"data": data, "dynamics": dynamics, "trust": trust}, seed, train)
 
@@ -110,32 +117,15 @@ def evidence(scenario: Scenario, data: Path, dynamics: Path, trust: Path, out: P
     inputs = _hashes({"data": data, "dynamics": dynamics, "trust": trust})
     if (out / MANIFEST).exists() and read_manifest(out, "evidence").inputs == inputs:
         return
-    config = read_json(trust / "config.json")["config"]
-    grid = config["grid"]
-    from fairlead.geometry.voxels import VoxelGrid
-
+    grid = trust_config_from(read_json(trust / "config.json")["config"]).grid
     write_evidence(
         load_dynamics(dynamics, scenario.name),
         load_check(trust, scenario.name),
         load(data, "test"),
         load_delta(dynamics, scenario.name),
-        VoxelGrid(**{**grid, "shape": tuple(grid["shape"])}),
+        grid,
         scenario.rope_radius + CONTACT_M,
         out,
         seed,
         inputs,
     )
-
-
-def starts(scenario: Scenario, scenes: Path, out: Path) -> None:
-    """Record how far each settled start lies from the given rope points [m, root mean square]."""
-    from fairlead.core.artifacts import write_json
-
-    residual = {}
-    for scene in scenario.scenes(scenes).scenes:
-        world = scenario.simulate([scene.obstacles], scene.state(scenario.layout)[None])
-        residual[scene.name] = round(float(world.residual[0]), 6)
-    values = np.array(list(residual.values()))
-    if not np.isfinite(values).all():
-        raise FairleadError(f"{scenes}: a scene's start cannot be simulated")
-    write_json(out, {"median_m": float(np.median(values)), "worst_m": float(values.max()), "residual_m": residual})

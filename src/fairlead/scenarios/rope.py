@@ -103,7 +103,7 @@ class PlanarRope:
         """Headings [rad] of the links, tail first, that best explain given link centres.
 
         A heading h points from the gripper towards the tail. The centres follow from the headings by
-        c_n = g + o u(h_n), c_i = c_{i+1} + L/2 (u(h_{i+1}) + u(h_i)); joints are placed by least squares, three
+        c_n = g + o u(h_n), c_i = c_{i+1} + L/2 (u(h_{i+1}) + u(h_i)); joints are placed by least squares, by
         Gauss-Newton steps from the directions of neighbouring centres.
         """
         planar = np.concatenate([points[..., :2], grippers[:, None, :2]], axis=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from fairlead.core.layout import StateLayout
 from fairlead.geometry.shapes import Box, Obstacle
 
 Vector = tuple[float, ...]
+_NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]*")
 _JSON_NAMES = {dict: "an object", list: "a list", str: "a string"}
 
 
@@ -145,10 +147,14 @@ def read_scenes(path: Path, scenario: str, layout: StateLayout) -> SceneSet:
     if found != scenario:
         raise reader.fail("scenario", f"'{found}' scenes; '{scenario}' scenes are needed here")
     scenes = tuple(_read_scene(item, layout) for item in reader.items("scenes"))
+    if not scenes:
+        raise reader.fail("scenes", "at least one scene is needed")
     names = [scene.name for scene in scenes]
     for i, name in enumerate(names):
         if name in names[:i]:
             raise reader.fail(f"scenes[{i}].name", f"'{name}' is used twice")
+        if not _NAME.fullmatch(name):
+            raise reader.fail(f"scenes[{i}].name", f"letters, digits, '-', '_' and '.' are allowed, got '{name}'")
     return SceneSet(path.stem, scenario, scenes)
 
 
