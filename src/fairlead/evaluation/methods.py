@@ -73,7 +73,7 @@ class Models:
         """
         folder = self.folder / name
         trained_on = read_manifest(folder, "model").inputs.get("dynamics")
-        if trained_on != self.hashes().get("dynamics"):
+        if trained_on is not None and trained_on != self.hashes().get("dynamics"):
             raise ArtifactError(folder, "trained on other dynamics than those beside it; train it again")
         return folder
 
