@@ -33,7 +33,7 @@ from fairlead.scenarios.scene_files import write_scenes
 ROW = {
     "scenario", "scenes", "scene", "method", "seed", "success", "error_m", "planning_s", "execution_s", "extensions",
     "plans", "recovery_actions", "actions", "outcome", "first_plan_success", "first_plan_error_m", "times_stuck",
-    "reached_at_s", "budget", "protocol",
+    "reached_at_s", "budget", "protocol", "start_residual_m",
 }  # fmt: skip
 
 
