@@ -66,6 +66,8 @@ class TrialsConfig:
             values = getattr(self, name)
             if not values or len(set(values)) < len(values):
                 raise FairleadError(f"{name}: at least one is needed, and none twice; got {list(values)}")
+        if self.limit is not None and self.limit < 1:
+            raise FairleadError(f"limit {self.limit}: at least 1 scene is needed")
         for method in self.methods:
             find_method(method)
 
@@ -173,6 +175,8 @@ def run_jobs(config: TrialsConfig, jobs: Sequence[Job], workers: int) -> Iterato
 
     Left early, by an error or an interrupt, it stops the processes; trials under way are lost.
     """
+    if workers < 1:
+        raise FairleadError(f"workers {workers}: at least 1 is needed")
     if not jobs:
         return
     os.environ["OMP_NUM_THREADS"] = "1"  # read by numpy and torch when the processes start

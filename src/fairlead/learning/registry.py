@@ -6,6 +6,7 @@ from pathlib import Path
 
 import torch
 
+from fairlead.core.errors import FairleadError
 from fairlead.core.roles import ActionSampler, Dynamics
 from fairlead.learning.dynamics import dynamics_from
 from fairlead.learning.full_dynamics import full_dynamics_from
@@ -16,6 +17,8 @@ from fairlead.learning.trust import LearnedCheck, check_from
 
 def use_threads(count: int) -> None:
     """Let torch use so many threads in this process. A trial's worker uses one; training may use all cores."""
+    if count < 1:
+        raise FairleadError(f"threads {count}: at least 1 is needed")
     torch.set_num_threads(count)
 
 
