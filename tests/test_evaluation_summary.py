@@ -32,9 +32,25 @@ def test_counts_agree_with_the_rows() -> None:
         own = [row for row in rows if row["method"] == name]
         assert found["trials"] == len(own) == sum(found["outcomes"].values())
         assert found["success"]["value"] == np.mean([row["success"] for row in own])
-        at = [found["success_at_s"][key] for key in ("15", "30", "60", "180")]
+        assert list(found["success_at_s"]) == ["15", "30", "60"]  # the budget is 60 s
+        at = list(found["success_at_s"].values())
         assert at == sorted(at)
         assert at[-1] == found["success"]["value"]
+
+
+@pytest.mark.parametrize(("budget", "times"), [("seconds=20", 1), ("seconds=180", 4), ("extensions=9", 4)])
+def test_success_is_told_at_no_time_beyond_the_budget(budget: str, times: int) -> None:
+    rows = [{**row, "budget": budget} for row in synthetic.rows(scenes=2)]
+    assert all(len(found["success_at_s"]) == times for found in summarise(rows, METHODS, 0)["methods"].values())
+
+
+def test_the_reference_is_the_one_stated_else_the_first_that_was_tried() -> None:
+    rows = synthetic.rows(scenes=2, methods=("accept-all", "trust"))
+    for stated, expected in ((None, "trust"), ("accept-all", "accept-all"), ("trust-sdf", "trust")):
+        found = summarise(rows, ("trust-sdf", "trust", "accept-all"), 0, stated)
+        assert found["reference"] == expected
+        assert [item["method"] for item in found["comparisons"]] == [expected]
+        assert (found["reference_because"] == "it was asked for") == (stated == expected)
 
 
 def test_a_method_beside_itself_differs_by_nothing() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,14 +18,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fairlead.core.artifacts import MANIFEST, append_jsonl, read_jsonl, read_manifest
+from fairlead.core.artifacts import MANIFEST, append_jsonl, read_json, read_jsonl, read_manifest, verify_files
 from fairlead.core.budget import Budget
 from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
 from fairlead.core.records import TrialOutcome
 from fairlead.core.traces import EVENTS, read_trace
 from fairlead.evaluation.bench import TrialsConfig, scaled
 from fairlead.evaluation.methods import CHECKS, DYNAMICS, METHODS, RECOVERIES, find_method
-from fairlead.evaluation.trials import TRIALS, Trials, repair
+from fairlead.evaluation.trials import CONFIG, SUMMARY, TRIALS, Trials, repair
 from fairlead.learning.dynamics import DynamicsConfig, Ensemble
 from fairlead.learning.model_files import Job, save_model
 from fairlead.report.playback import recording, views
@@ -73,7 +75,8 @@ def test_rows_have_the_fields_that_users_read(finished: Path) -> None:
 def test_the_number_of_workers_does_not_matter(config: TrialsConfig, finished: Path, tmp_path: Path) -> None:
     summary = Trials(config, tmp_path).run(workers=2)
     assert rows(tmp_path) == rows(finished)
-    assert summary["order"] == list(config.methods)
+    assert summary["order"] == ["accept-all", "collision-check"]  # of the table, not of the command
+    assert summary["reference"] == "accept-all"
 
 
 def test_an_interrupted_run_goes_on_to_the_same_rows(config: TrialsConfig, finished: Path, tmp_path: Path) -> None:
@@ -93,25 +96,57 @@ def test_an_interrupted_run_goes_on_to_the_same_rows(config: TrialsConfig, finis
     assert read_manifest(tmp_path, "trials").extra == {"trials": 4, "scenes": 2}
 
 
-@pytest.mark.parametrize("blow", [signal.SIGINT, signal.SIGKILL])
+def test_an_interrupted_run_stops_its_own_processes_and_no_others(config: TrialsConfig, tmp_path: Path) -> None:
+    def stop(row: dict[str, Any]) -> None:
+        raise KeyboardInterrupt
+
+    other = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(600,), daemon=True)
+    other.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            Trials(config, tmp_path).run(workers=2, ended=stop)
+        assert multiprocessing.active_children() == [other]
+    finally:
+        other.kill()
+        other.join()
+
+
+@pytest.mark.parametrize(
+    ("blow", "to_all"),
+    [(signal.SIGINT, True), (signal.SIGINT, False), (signal.SIGTERM, False), (signal.SIGKILL, False)],
+)
 def test_a_stopped_run_leaves_readable_files_and_no_process(
-    config: TrialsConfig, tmp_path: Path, blow: signal.Signals
+    config: TrialsConfig, tmp_path: Path, blow: signal.Signals, to_all: bool
 ) -> None:
+    """A key press reaches the whole group, a signal one process."""
     out = tmp_path / "out"
-    arguments = ["--models", config.models, "--scenes", config.scenes, "--out", out, "--methods", "oracle"]
+    arguments = ["--models", config.models, "--scenes", config.scenes, "--out", out, "--budget", "extensions=300"]
     code = "from fairlead.cli.main import main; main()"
-    command = [sys.executable, "-c", code, "evaluate", "dragging", *map(str, arguments), "--workers", "1"]
+    command = [sys.executable, "-c", code, "evaluate", "dragging", *map(str, arguments)]
+    command += ["--methods", "collision-check,oracle", "--workers", "2"]
     run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
     trace = out / "traces" / "oracle" / "scene-0-0"
-    while not (trace / EVENTS).exists() and run.poll() is None:
+    while not ((trace / EVENTS).exists() and (out / TRIALS).exists()) and run.poll() is None:
         time.sleep(0.02)
-    (run.send_signal if blow is signal.SIGKILL else lambda s: os.killpg(run.pid, s))(blow)
+    os.killpg(run.pid, blow) if to_all else run.send_signal(blow)
     _, errors = run.communicate(timeout=60)  # returns once no process holds the pipes
     assert run.returncode == (130 if blow is signal.SIGINT else -blow)
     assert "Traceback" not in errors
-    assert list(read_jsonl(out / TRIALS)) == []
+    rows = list(read_jsonl(out / TRIALS))
+    assert {row["method"] for row in rows} == {"collision-check"}
+    assert all(set(row) == ROW for row in rows)
     assert read_trace(trace).outcome is TrialOutcome.INTERRUPTED
     assert not (out / MANIFEST).exists()
+
+
+def test_a_worker_that_dies_ends_the_run_with_a_sentence(config: TrialsConfig, tmp_path: Path) -> None:
+    def stop(row: dict[str, Any]) -> None:
+        for worker in multiprocessing.active_children():
+            worker.kill()
+
+    with pytest.raises(FairleadError, match=r"worker process died \(exit code -9\)"):
+        Trials(config, tmp_path).run(workers=1, ended=stop)
+    assert len(rows(tmp_path)) == 1
 
 
 def test_a_finished_folder_stays_as_it_is(config: TrialsConfig, finished: Path) -> None:
@@ -131,6 +166,42 @@ def test_traces_are_kept_where_asked(config: TrialsConfig, finished: Path) -> No
     last = list(views(recording(trace, "accept-all", 0)))[-1]
     assert last.phase == row["outcome"]
     np.testing.assert_allclose(last.rope, trace.layout.points_of(trace.actions[-1].state))
+
+
+def test_the_reference_stays_until_another_is_stated(config: TrialsConfig, finished: Path, tmp_path: Path) -> None:
+    shutil.copytree(finished, tmp_path / "out")
+
+    def reference(**change: Any) -> str:
+        Trials(replace(config, **change), tmp_path / "out").run()
+        (comparison,) = read_json(tmp_path / "out" / SUMMARY)["comparisons"]
+        assert comparison["method"] == read_manifest(tmp_path / "out", "trials").config["reference"]
+        verify_files(tmp_path / "out", read_manifest(tmp_path / "out", "trials"))
+        return comparison["method"]
+
+    assert reference() == "accept-all"
+    assert reference(reference="collision-check") == "collision-check"
+    assert reference() == "collision-check"
+    assert reference(methods=("accept-all",)) == "collision-check"
+    assert reference(reference="accept-all") == "accept-all"
+    with pytest.raises(UnknownNameError, match="reference 'oracle'"):
+        reference(reference="oracle")
+
+
+def test_only_models_that_the_methods_use_belong_to_the_trials(
+    config: TrialsConfig, finished: Path, tmp_path: Path
+) -> None:
+    out, models = tmp_path / "out", tmp_path / "models"
+    shutil.copytree(finished, out)
+    shutil.copytree(config.models, models)
+    shutil.copytree(config.models / "dynamics", models / "another")
+    changed = replace(config, models=models)
+    assert Trials(changed, out).missing == []
+    assert set(read_json(out / CONFIG)["models"]) == {"dynamics"}
+    manifest = models / "dynamics" / MANIFEST
+    manifest.write_text(manifest.read_text() + "\n")
+    with pytest.raises(ArtifactError, match="another 'dynamics'"):
+        Trials(changed, out)
+    assert Trials(replace(changed, methods=("oracle",)), out).missing  # needs no model
 
 
 @pytest.mark.parametrize("change", [{"budget": Budget(seconds=1)}, {"planner": "ompl"}])

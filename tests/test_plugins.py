@@ -14,7 +14,8 @@ from fairlead.core.records import Transitions
 from fairlead.core.streams import stream
 from fairlead.evaluation.methods import Models, Parts, find_method
 from fairlead.geometry.shapes import Box
-from fairlead.learning.dynamics import DynamicsConfig, Ensemble, LearnedDynamics
+from fairlead.learning.dynamics import DynamicsConfig, Ensemble
+from fairlead.learning.model_files import Job, save_model
 from fairlead.scenarios.registry import scenario
 from fakes import LAYOUT, FakeScenario, FakeWorld
 
@@ -35,14 +36,13 @@ def _installed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("_installed")
-def test_an_installed_check_is_a_method_and_keeps_the_contract(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_installed_check_is_a_method_and_keeps_the_contract(tmp_path: Path) -> None:
     fake = scenario("fake")
     assert isinstance(fake, FakeScenario)
     method = find_method("clearance")
-    monkeypatch.setattr(
-        "fairlead.evaluation.methods.load_dynamics",
-        lambda folder, name: LearnedDynamics(Ensemble(LAYOUT, DynamicsConfig(hidden=8, blocks=1), seed=0)),
-    )
+    settings = DynamicsConfig(hidden=8, blocks=1)
+    tensors = Ensemble(LAYOUT, settings, seed=0).state_dict()
+    save_model(Job(tmp_path / "dynamics", "fake"), "dynamics", settings.network, LAYOUT, settings, tensors, {}, 0.0)
     rng = stream(0, "plugins")
     scene = fake.random_scene(rng, "any")
     _, check, _ = Parts(Models(tmp_path, fake)).build(method, scene)

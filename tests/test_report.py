@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -127,3 +128,40 @@ def test_report_says_what_it_made(trials: Path, tmp_path: Path) -> None:
     manifest = json.loads((tmp_path / "manifest.json").read_text())
     assert manifest["kind"] == "report"
     assert {"report.html", "report.md"} <= set(manifest["files"])
+
+
+def test_a_second_report_keeps_nothing_of_the_first_and_everything_else(trials: Path, tmp_path: Path) -> None:
+    write_report([trials], tmp_path, videos=False)
+    notes = tmp_path / "notes.txt"
+    notes.write_text("mine")
+    other = trials.parent / "other"
+    shutil.copytree(trials, other)
+    try:
+        write_report([other], tmp_path, videos=False)
+    finally:
+        shutil.rmtree(other)
+    found = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    assert found == {*manifest["files"], "manifest.json", "notes.txt"}
+    assert not any("made-up" in name for name in found)
+    assert notes.read_text() == "mine"
+
+
+def test_a_report_does_not_take_the_place_of_something_else(trials: Path) -> None:
+    before = (trials / "manifest.json").read_bytes()
+    with pytest.raises(ArtifactError, match="'report' is needed"):
+        write_report([trials], trials, videos=False)
+    assert (trials / "manifest.json").read_bytes() == before
+    assert not (trials / "report.html").exists()
+
+
+def test_the_reference_leads_the_page_and_is_explained(trials: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "stated"
+    shutil.copytree(trials, folder)
+    order = tuple(synthetic.RATES)
+    write_json(folder / "summary.json", summarise(synthetic.rows(scenes=6), order, 0, stated="trust-sdf"))
+    write_report([folder], tmp_path / "report", videos=False)
+    text = (tmp_path / "report" / "report.md").read_text()
+    assert text.splitlines()[2].startswith("trust-sdf reaches the goal")
+    assert "trust-sdf is the reference: it was asked for." in text
+    assert "| trust-sdf vs trust |" in text

@@ -25,7 +25,10 @@ class Command:
     out: Path
     """Folder of the trials."""
     methods: str = "trust,accept-all"
-    """Names, separated by commas; the first is compared with each of the others."""
+    """Names, separated by commas."""
+    reference: str | None = None
+    """The method that is compared with each of the others. By default the one stated for these trials before, else the
+    first in the table of methods."""
     budget: str = "seconds=180"
     """Of each trial: seconds=N, or extensions=N, which makes the trials reproducible to the bit."""
     protocol: str = "fair"
@@ -63,6 +66,7 @@ class Command:
             seeds=tuple(range(self.seed, self.seed + self.seeds)),
             limit=self.limit,
             traced=self.traced,
+            reference=self.reference,
         )
         trials = Trials(config, self.out)
         with progress_bar(f"{self.scenario} {self.scenes.stem}", len(trials.missing), "trials") as advance:
@@ -72,4 +76,4 @@ class Command:
             return
         found = {name: summary["methods"][name] for name in summary["order"]}
         rates = {name: f"{100 * of['success']['value']:.0f} % of {of['trials']} trials" for name, of in found.items()}
-        show({**rates, "out": self.out}, False)
+        show({**rates, "reference": summary["reference"], "out": self.out}, False)

@@ -1,14 +1,9 @@
-"""One trial from its names, and many of them in parallel processes."""
+"""One trial from its names: scene, method and seed."""
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 import shutil
-import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, final
@@ -23,14 +18,14 @@ from fairlead.evaluation.methods import Models, Parts, find_method
 from fairlead.execution.trace import NoTrace, Recorder, TraceFolder
 from fairlead.execution.trial import Protocol, Task, run_trial
 from fairlead.planning.ompl import OmplRRT
-from fairlead.planning.problem import Planner, Problem
+from fairlead.planning.problem import PAPER, Planner, Problem, SearchSettings
 from fairlead.planning.rrt import BatchedRRT
 from fairlead.scenarios.registry import scenario as find_scenario
 
 Row = dict[str, Any]
 
-PLANNERS: dict[str, Callable[[], Planner]] = {"rrt": BatchedRRT, "ompl": OmplRRT}
-"""Others come by entry points in `fairlead.planners`."""
+PLANNERS: dict[str, Callable[[SearchSettings], Planner]] = {"rrt": BatchedRRT, "ompl": OmplRRT}
+"""Called with the limits of a planning attempt. Others come by entry points in `fairlead.planners`."""
 
 
 @dataclass(frozen=True)
@@ -41,13 +36,15 @@ class TrialsConfig:
         scenario: name of the scenario.
         models: folder of the trained models, see `Models`.
         scenes: scene file.
-        methods: names, in the order to report; the first is compared with the others.
+        methods: names, in the order to run.
         budget: of each trial.
         protocol: what happens where a trial is stuck.
         planner: name of the planner.
         seeds: trial seeds; every method meets every scene with each of them.
         limit: only the first scenes, if not None.
         traced: traces are kept of the first seed in the first so many scenes.
+        reference: the method that is compared with each of the others. None: what was stated for these trials before,
+            else the first in the table of methods.
     """
 
     scenario: str
@@ -60,6 +57,7 @@ class TrialsConfig:
     seeds: tuple[int, ...] = (0,)
     limit: int | None = None
     traced: int = 5
+    reference: str | None = None
 
     def __post_init__(self) -> None:
         for name in ("methods", "seeds"):
@@ -95,7 +93,7 @@ class Bench:
         self.scenario = find_scenario(config.scenario)
         self.scenes = self.scenario.scenes(config.scenes)
         self.models = Models(config.models, self.scenario)
-        self.planner: Planner = plugins.find("planner", config.planner, PLANNERS)()
+        self._planner: Callable[[SearchSettings], Planner] = plugins.find("planner", config.planner, PLANNERS)
         self._parts = Parts(self.models)
         for method in config.methods:
             self._parts.build(find_method(method), self.scenes.scenes[0])
@@ -107,8 +105,10 @@ class Bench:
         environment, goal = scenario.environment(scene.obstacles), scenario.goal(scene)
         problem = Problem(environment, goal, dynamics, check, scenario.sampler)
 
+        planner = self._planner(PAPER.scaled(method.budget_scale))
+
         def plan(state: np.ndarray, meter: Any, rng: np.random.Generator) -> Any:
-            return self.planner.plan(problem, state, meter, rng)
+            return planner.plan(problem, state, meter, rng)
 
         names = {
             "scenario": scenario.name,
@@ -139,53 +139,3 @@ def _recorder(job: Job, names: Row) -> Recorder:
         return NoTrace()
     shutil.rmtree(job.trace, ignore_errors=True)
     return TraceFolder(job.trace, names)
-
-
-_bench: Bench | None = None
-"""The bench of a worker process, made once by `_start`."""
-
-
-def _start(config: TrialsConfig) -> None:
-    global _bench
-    # An interrupt from the keyboard reaches every process; the parent alone answers it, and stops its workers.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_leave_with_parent, daemon=True).start()
-    _bench = Bench(config)
-
-
-def _leave_with_parent() -> None:
-    """A worker whose parent was killed must not write on into a folder that another run may have taken over."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
-def _run(job: Job) -> Row:
-    assert _bench is not None
-    try:
-        return _bench.run(job)
-    except FairleadError as error:
-        # An error with a constructor of its own cannot travel between processes; its sentence can.
-        raise FairleadError(str(error)) from None
-
-
-def run_jobs(config: TrialsConfig, jobs: Sequence[Job], workers: int) -> Iterator[Row]:
-    """The rows of the jobs as they end, from `workers` processes with one computing thread each.
-
-    Left early, by an error or an interrupt, it stops the processes; trials under way are lost.
-    """
-    if workers < 1:
-        raise FairleadError(f"workers {workers}: at least 1 is needed")
-    if not jobs:
-        return
-    os.environ["OMP_NUM_THREADS"] = "1"  # read by numpy and torch when the processes start
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(workers, len(jobs)), context, _start, (config,))
-    try:
-        for future in as_completed([pool.submit(_run, job) for job in jobs]):
-            yield future.result()
-    finally:
-        for process in multiprocessing.active_children():
-            process.terminate()
-        pool.shutdown(wait=False, cancel_futures=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -48,48 +48,47 @@ METHODS: dict[str, Method] = {
     "spread-threshold": Method("learned", "spread", "none", "Trust where the ensemble agrees."),
     "oracle": Method("simulator", "accept-all", "none", "Plans with the simulator itself: what is solvable.", 5.0),
 }
+"""In the order to report; without another word the first that was tried is compared with each of the others."""
 
 
 @final
-@dataclass(frozen=True)
 class Models:
     """The trained models of a scenario, in the folders of one folder; each is read when a method asks for it.
 
-    Folders: dynamics, full-dynamics, trust, trust-sdf, recovery, recovery-sdf.
+    Folders: dynamics, full-dynamics, trust, trust-sdf, recovery, recovery-sdf. `hashes` maps the name of each that was
+    asked for to the SHA-256 of its manifest.
     """
 
-    folder: Path
-    scenario: Scenario
-
-    def hashes(self) -> dict[str, str]:
-        """Model name -> SHA-256 of its manifest."""
-        return {path.parent.name: sha256(path) for path in sorted(self.folder.glob(f"*/{MANIFEST}"))}
+    def __init__(self, folder: Path, scenario: Scenario) -> None:
+        self.folder, self.scenario = folder, scenario
+        self.hashes: dict[str, str] = {}
 
     def folder_of(self, name: str) -> Path:
-        """The folder of a model that was trained on this folder's dynamics.
+        """The folder of a finished model.
 
         Raises:
-            ArtifactError: it was trained on others, whose predictions and delta may differ.
+            ArtifactError: there is none, or it was trained on dynamics other than those beside it, whose predictions
+                and delta may differ.
         """
         folder = self.folder / name
         trained_on = read_manifest(folder, "model").inputs.get("dynamics")
-        if trained_on is not None and trained_on != self.hashes().get("dynamics"):
+        if trained_on is not None and trained_on != sha256(self.folder_of("dynamics") / MANIFEST):
             raise ArtifactError(folder, "trained on other dynamics than those beside it; train it again")
+        self.hashes[name] = sha256(folder / MANIFEST)
         return folder
 
     @cached_property
     def spread_threshold_m(self) -> float:
         """The trusted spread: the best balanced accuracy on the validation labels of a classifier's training."""
         for name in ("trust-sdf", "trust"):
-            path = self.folder / name / "metrics.json"
-            if path.exists():
-                return float(read_json(path)["spread_threshold_m"])
+            if (self.folder / name / MANIFEST).exists():
+                return float(read_json(self.folder_of(name) / "metrics.json")["spread_threshold_m"])
         raise ArtifactError(self.folder, "no trust or trust-sdf model, whose validation labels give the threshold")
 
 
 DYNAMICS: dict[str, Callable[[Models], Dynamics]] = {
-    "learned": lambda models: load_dynamics(models.folder / "dynamics", models.scenario.name),
-    "full": lambda models: load_full_dynamics(models.folder / "full-dynamics", models.scenario.name),
+    "learned": lambda models: load_dynamics(models.folder_of("dynamics"), models.scenario.name),
+    "full": lambda models: load_full_dynamics(models.folder_of("full-dynamics"), models.scenario.name),
 }
 """Besides "simulator", which is built anew for each scene."""
 
@@ -126,6 +125,12 @@ def find_method(name: str) -> Method:
     if name in installed:
         return Method("learned", name, "none", f"The learned dynamics, checked by {name}.")
     raise UnknownNameError("method", name, [*METHODS, *installed])
+
+
+def in_order(names: Iterable[str]) -> list[str]:
+    """Methods in the order of the table; those that are installed follow, by name."""
+    table = list(METHODS)
+    return sorted(set(names), key=lambda name: (table.index(name) if name in METHODS else len(table), name))
 
 
 @final

@@ -2,7 +2,7 @@
 
 A folder of trials holds:
 
-    config.json     what runs that share the folder must have in common
+    config.json     what runs that share the folder must have in common, and the reference where one was stated
     trials.jsonl    one object a trial, appended and synced as it ends
     traces/METHOD/SCENE-SEED/   the traces that were asked for
     scenes.json     the scenes that were tried
@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any, final
 
@@ -21,16 +22,17 @@ from fairlead.core.artifacts import (
     MANIFEST,
     Manifest,
     append_jsonl,
-    config_hash,
     read_json,
     read_jsonl,
     sha256,
     write_atomic,
     write_json,
 )
-from fairlead.core.errors import ArtifactError
-from fairlead.evaluation.bench import Bench, Job, Row, TrialsConfig, run_jobs
+from fairlead.core.errors import ArtifactError, UnknownNameError
+from fairlead.evaluation.bench import Bench, Job, Row, TrialsConfig
+from fairlead.evaluation.methods import in_order
 from fairlead.evaluation.summary import summarise
+from fairlead.evaluation.workers import run_jobs
 from fairlead.scenarios.scene_files import write_scenes
 
 TRIALS, SUMMARY, SCENES, CONFIG = "trials.jsonl", "summary.json", "scenes.json", "config.json"
@@ -53,7 +55,10 @@ class Trials:
 
     def __init__(self, config: TrialsConfig, out: Path) -> None:
         self._bench, self._out = Bench(config), out
-        _claim(out, identity(self._bench))
+        tried = {*config.methods, *(row["method"] for row in read_jsonl(out / TRIALS))}
+        if config.reference not in {None, *tried}:
+            raise UnknownNameError("reference", str(config.reference), tried)
+        _claim(out, identity(self._bench), config.reference)
         self.missing = _missing(self._bench, out)
 
     def run(self, workers: int = 1, ended: Callable[[Row], None] = lambda row: None) -> dict[str, Any]:
@@ -65,20 +70,24 @@ class Trials:
         started = time.monotonic()
         if self.missing:
             (self._out / MANIFEST).unlink(missing_ok=True)
-        for row in run_jobs(self._bench.config, self.missing, workers):
-            append_jsonl(self._out / TRIALS, row)
-            ended(row)
+        with closing(run_jobs(self._bench.config, self.missing, workers)) as rows:
+            for row in rows:
+                append_jsonl(self._out / TRIALS, row)
+                ended(row)
         return _finish(self._bench, self._out, time.monotonic() - started)
 
 
 def identity(bench: Bench) -> dict[str, Any]:
-    """What runs that share a folder have in common: all but which methods, scenes and seeds are tried."""
+    """What runs that share a folder have in common: all but which methods, scenes and seeds are tried.
+
+    Of the models those that the methods use: runs with other methods may share the folder, and add theirs.
+    """
     config = bench.config
     return {
         "scenario": config.scenario,
         "scenes": config.scenes.stem,
         "scenes_sha256": sha256(config.scenes),
-        "models": bench.models.hashes(),
+        "models": dict(bench.models.hashes),
         "budget": str(config.budget),
         "protocol": config.protocol.label,
         "planner": config.planner,
@@ -93,15 +102,20 @@ def repair(path: Path) -> None:
         write_atomic(path, whole)
 
 
-def _claim(out: Path, wanted: dict[str, Any]) -> None:
+def _claim(out: Path, wanted: dict[str, Any], reference: str | None) -> None:
     """Make the folder this configuration's, or refuse it."""
     path = out / CONFIG
-    if not path.exists():
-        write_json(path, wanted)
-    found = read_json(path)
-    if config_hash(found) != config_hash(wanted):
-        key = next(key for key in wanted if found.get(key) != wanted[key])
-        raise ArtifactError(path, f"these trials had another '{key}' ({found.get(key)}, now {wanted[key]}); use --out")
+    found = read_json(path) if path.exists() else {"models": {}}
+    before, now = ({**config, **config["models"], "models": None} for config in (found, wanted))
+    for key, value in now.items():
+        if key in before and before[key] != value:
+            raise ArtifactError(path, f"these trials had another '{key}' ({before[key]}, now {value}); use --out")
+    merged = {**found, **wanted, "models": {**found["models"], **wanted["models"]}}
+    if reference is not None:
+        merged["reference"] = reference
+    if merged != found:
+        (out / MANIFEST).unlink(missing_ok=True)
+        write_json(path, merged)
 
 
 def _missing(bench: Bench, out: Path) -> list[Job]:
@@ -120,20 +134,19 @@ def _missing(bench: Bench, out: Path) -> list[Job]:
 
 
 def _finish(bench: Bench, out: Path, wall_s: float) -> dict[str, Any]:
-    """Summary, scenes and manifest from the rows on disk; a finished folder that gained no row stays as it is."""
+    """Summary, scenes and manifest from the rows on disk; a finished folder that gained nothing stays as it is."""
     if (out / MANIFEST).exists():
         return read_json(out / SUMMARY)
-    config, rows = bench.config, list(read_jsonl(out / TRIALS))
-    methods = list(dict.fromkeys([*config.methods, *(row["method"] for row in rows)]))
-    summary = summarise(rows, methods, config.seeds[0])
+    config, rows, about = bench.config, list(read_jsonl(out / TRIALS)), read_json(out / CONFIG)
+    methods, seeds = in_order(row["method"] for row in rows), sorted({row["seed"] for row in rows})
+    summary = summarise(rows, methods, seeds[0], about.pop("reference", None))
     write_json(out / SUMMARY, summary)
     tried = {row["scene"] for row in rows}
     scenes = [scene for scene in bench.scenes.scenes if scene.name in tried]
     write_scenes(out / SCENES, config.scenario, scenes, f"the scenes of {config.scenes.name} that were tried here")
-    about = identity(bench)
     inputs = {"scenes": about.pop("scenes_sha256"), **about.pop("models")}
-    about |= {"methods": methods, "seeds": sorted({row["seed"] for row in rows})}
+    about |= {"methods": methods, "seeds": seeds, "reference": summary["reference"]}
     files = {name: sha256(out / name) for name in (CONFIG, TRIALS, SUMMARY, SCENES)}
     extra = {"trials": len(rows), "scenes": len(scenes)}
-    Manifest("trials", about, config.seeds[0], files, inputs, extra, wall_s).write(out)
+    Manifest("trials", about, seeds[0], files, inputs, extra, wall_s).write(out)
     return summary

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -78,7 +78,7 @@ class SearchSettings:
         goal_bias: how often the tree is steered to the goal instead of a random state.
         repeats: a sampled control is repeated for 1 to this many steps.
         stuck_attempts: so many rejected extensions of the start, and none accepted, mean stuck.
-        attempt_seconds: longest planning attempt [s]; has no effect under a counted budget.
+        attempt_seconds: longest planning attempt [s] (docs/adr/0006); has no effect under a counted budget.
         attempt_extensions: most transitions checked in one attempt.
     """
 
@@ -93,6 +93,14 @@ class SearchSettings:
             raise FairleadError(f"goal_bias {self.goal_bias}: a probability is needed")
         if min(self.repeats, self.stuck_attempts, self.attempt_extensions, self.attempt_seconds) <= 0:
             raise FairleadError("repeats, stuck_attempts, attempt_seconds and attempt_extensions must be positive")
+
+    def scaled(self, factor: float) -> SearchSettings:
+        """The same with attempts so many times as long, for a trial with so many times the budget."""
+        return replace(
+            self,
+            attempt_seconds=factor * self.attempt_seconds,
+            attempt_extensions=int(factor * self.attempt_extensions),
+        )
 
 
 PAPER = SearchSettings()

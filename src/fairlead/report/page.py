@@ -12,7 +12,7 @@ from typing import Any
 import jinja2
 from matplotlib.figure import Figure
 
-from fairlead.core.artifacts import MANIFEST, Manifest, read_json, sha256, write_atomic
+from fairlead.core.artifacts import MANIFEST, Manifest, read_json, read_manifest, sha256, write_atomic
 from fairlead.core.budget import Budget
 from fairlead.core.records import TrialOutcome
 from fairlead.report import evidence_figures, figures, model_figures, tables
@@ -119,7 +119,6 @@ def _trial_section(trials: TrialSet, save: _Figures, name: str, clips: list[Clip
     radius = trials.scenes[0]["goal"]["radius"]
     longest = max((row["reached_at_s"] or 0.0 for row in trials.rows), default=0.0)
     horizon = budget.seconds if timed else max(1.0, longest)
-    first = next(iter(summary["methods"]))
     section.pictures += [
         save.save(
             f"{name}-threshold",
@@ -135,8 +134,8 @@ def _trial_section(trials: TrialSet, save: _Figures, name: str, clips: list[Clip
         save.save(f"{name}-spent", figures.time_spent(summary), "Where the time of a trial goes."),
         save.save(
             f"{name}-scenes",
-            figures.gallery(trials.scenes, trials.rows_of[first]),
-            f"The scenes: start, goal (green), and as frame the outcome of the first trial of {first}.",
+            figures.gallery(trials.scenes, trials.rows_of[trials.reference]),
+            f"The scenes: start, goal (green), and as frame the outcome of the first trial of {trials.reference}.",
             wide=True,
         ),
     ]
@@ -192,10 +191,10 @@ def _headline(sources: Sources) -> tuple[str, str]:
         return "Fairlead", "Models and data; no trials yet."
     trials = sources.trials[0]
     methods, scenario = trials.summary["methods"], trials.config["scenario"].replace("_", "-")
-    first = next(iter(methods))
-    tried = counted(methods[first]["trials"], "trial")
-    text = f"{first} reaches the goal in {tables.rate(methods[first]['success'])} of {tried}"
-    if "accept-all" in methods and first != "accept-all":
+    ours = trials.reference
+    tried = counted(methods[ours]["trials"], "trial")
+    text = f"{ours} reaches the goal in {tables.rate(methods[ours]['success'])} of {tried}"
+    if "accept-all" in methods and ours != "accept-all":
         text += f"; the same planner without trust (accept-all) in {tables.rate(methods['accept-all']['success'])}"
     return f"Rope {scenario}: planning only through what is trusted", text + "."
 
@@ -203,10 +202,12 @@ def _headline(sources: Sources) -> tuple[str, str]:
 def write_report(folders: Sequence[Path], out: Path, videos: bool = True) -> Path:
     """Write the page, its figures, videos and Markdown tables into `out`; the page's path is returned.
 
+    What an earlier report there had written and this one has not is removed; whatever else is there stays.
+
     Raises:
-        ArtifactError: a folder is missing, or nothing finished is found.
+        ArtifactError: a folder is missing, nothing finished is found, or `out` holds something other than a report.
     """
-    sources, save = find_sources(folders), _Figures(out)
+    sources, earlier, save = find_sources(folders), _earlier(out), _Figures(out)
     sections: list[_Section | None] = []
     for trials in sources.trials:
         name = trials.folder.name
@@ -226,8 +227,20 @@ def write_report(folders: Sequence[Path], out: Path, videos: bool = True) -> Pat
     for section in present:
         parts += [f"## {section.title}", section.lead, *(table.markdown() for table in section.tables)]
     write_atomic(out / TABLES, "\n\n".join([*parts, provenance.markdown()]))
-    names = sorted(path for path in out.rglob("*") if path.is_file() and path.name != MANIFEST)
+    written = {out / PAGE, out / TABLES}
+    for section in present:
+        written |= {picture.path for picture in section.pictures}
+        written |= {path for clip in section.clips for path in (clip.path, clip.gif) if path is not None}
+    for path in earlier - written:
+        path.unlink(missing_ok=True)
     inputs = {str(t.folder.name): sha256(t.folder / MANIFEST) for t in sources.trials}
-    files = {str(path.relative_to(out)): sha256(path) for path in names}
+    files = {str(path.relative_to(out)): sha256(path) for path in sorted(written)}
     Manifest("report", {"folders": [folder.name for folder in folders]}, 0, files, inputs, {}).write(out)
     return out / PAGE
+
+
+def _earlier(out: Path) -> set[Path]:
+    """The figures and videos of the report that `out` holds already."""
+    if not (out / MANIFEST).exists():
+        return set()
+    return {out / name for name in read_manifest(out, "report").files if name.startswith(("figures/", "videos/"))}

@@ -36,6 +36,11 @@ class TrialSet:
         found = read_json(self.folder / "summary.json")
         return {**found, "methods": {name: found["methods"][name] for name in found["order"]}}
 
+    @property
+    def reference(self) -> str:
+        """The method that is compared with the others. Older summaries do not name it: it was their first."""
+        return self.summary.get("reference", self.summary["order"][0])
+
     @cached_property
     def scenes(self) -> list[dict[str, Any]]:
         """The scenes that were tried, as a scene file writes them."""

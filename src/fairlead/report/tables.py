@@ -99,7 +99,7 @@ def error_table(summary: Summary, scenario: str) -> Table:
 
 
 def comparison_table(summary: Summary) -> Table:
-    """The first method against every other one."""
+    """The reference method against every other one."""
     rows = [
         (
             f"{item['method']} vs {item['baseline']}",
@@ -116,6 +116,8 @@ def comparison_table(summary: Summary) -> Table:
         "Differences on the same scenes and seeds, with 95 % intervals from a bootstrap over scenes. McNemar: exact, "
         "one-sided. t-test: the paper's, one-sided on the final error, unpaired (Welch)."
     )
+    if because := summary.get("reference_because"):
+        note = f"{summary['reference']} is the reference: {because}. {note}"
     return Table("Paired comparison", columns, tuple(rows), note)
 
 

@@ -1,4 +1,4 @@
-"""Which trials to show: the first method beside the one without trust, a success, and a failure."""
+"""Which trials to show: the reference method beside the one without trust, a success, and a failure."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ _TARGETS = {"tail": lambda points: 0, "midpoint": lambda points: points // 2}
 
 @dataclass(frozen=True)
 class Clip:
-    """A video on the page."""
+    """A video on the page, and the same as a moving GIF where there is one."""
 
     path: Path
     caption: str
     wide: bool
+    gif: Path | None
 
     @property
     def uri(self) -> str:
@@ -47,10 +48,10 @@ def _traced(trials: TrialSet, method: str) -> dict[tuple[str, int], dict[str, An
 def choose(trials: TrialSet) -> list[tuple[str, list[str], tuple[str, int]]]:
     """Captions, methods and (scene, seed) of the videos.
 
-    The first method beside `accept-all`, on the first scene where only the first succeeds (else on any), and a
-    failure of the first method.
+    The reference beside `accept-all`, on the first scene where only the reference succeeds (else on any), and a failure
+    of the reference.
     """
-    method = next(iter(trials.summary["methods"]))
+    method = trials.reference
     ours, theirs = _traced(trials, method), _traced(trials, BASELINE)
     both = [key for key in ours if key in theirs and method != BASELINE]
     chosen: list[tuple[str, list[str], tuple[str, int]]] = []
@@ -75,7 +76,8 @@ def make_videos(trials: TrialSet, folder: Path, name: str) -> list[Clip]:
         traces = [trials.folder / "traces" / method / f"{scene}-{seed}" for method in methods]
         path = folder / f"{name}-{number}.mp4"
         write_video(path, [panel(trace, scenes[scene], m) for trace, m in zip(traces, methods, strict=True)])
-        if number == 0:
-            write_gif(path, path.with_suffix(".gif"))
-        clips.append(Clip(path, caption, len(methods) > 1))
+        gif = path.with_suffix(".gif") if number == 0 else None
+        if gif is not None:
+            write_gif(path, gif)
+        clips.append(Clip(path, caption, len(methods) > 1, gif))
     return clips

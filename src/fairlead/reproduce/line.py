@@ -44,7 +44,7 @@ def reproduce(scenario: Scenario, preset: Preset, out: Path, seed: int, threads:
     _models(scenario, preset, data, models, seed)
     scenes = benchmark_scenes(scenario.name)
     config = TrialsConfig(scenario.name, models, scenes, preset.methods, preset.budget, seeds=preset.seeds,
-                          limit=preset.scenes, traced=preset.traced)  # fmt: skip
+                          limit=preset.scenes, traced=preset.traced, reference=preset.methods[0])  # fmt: skip
     trials = Trials(config, out / "trials")
     with bar(f"{scenario.name} trials", len(trials.missing), "trials") as advance:
         trials.run(threads, lambda row: advance(1))
