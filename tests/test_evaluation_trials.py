@@ -23,11 +23,14 @@ from fairlead.core.budget import Budget
 from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
 from fairlead.core.records import TrialOutcome
 from fairlead.core.traces import EVENTS, read_trace
-from fairlead.evaluation.bench import TrialsConfig, scaled
+from fairlead.evaluation.bench import PLANNERS, Bench, TrialsConfig, scaled
+from fairlead.evaluation.bench import Job as Trial
 from fairlead.evaluation.methods import CHECKS, DYNAMICS, METHODS, RECOVERIES, find_method
 from fairlead.evaluation.trials import CONFIG, SUMMARY, TRIALS, Trials, repair
 from fairlead.learning.dynamics import DynamicsConfig, Ensemble
 from fairlead.learning.model_files import Job, save_model
+from fairlead.planning.problem import PAPER, SearchSettings
+from fairlead.planning.rrt import BatchedRRT
 from fairlead.report.playback import recording, views
 from fairlead.scenarios.registry import scenario
 from fairlead.scenarios.scene_files import write_scenes
@@ -231,6 +234,23 @@ def test_mistakes_name_what_is_allowed(config: TrialsConfig) -> None:
         replace(config, methods=("trust", "trust"))
     with pytest.raises(FairleadError, match="seeds"):
         replace(config, seeds=())
+
+
+def test_an_attempt_is_as_much_longer_as_the_budget(config: TrialsConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[SearchSettings] = []
+
+    def planner(settings: SearchSettings) -> BatchedRRT:
+        asked.append(settings)
+        return BatchedRRT(settings)
+
+    monkeypatch.setitem(PLANNERS, "rrt", planner)
+    bench = Bench(replace(config, methods=("oracle", "accept-all"), budget=Budget(extensions=1)))
+    for method in bench.config.methods:
+        bench.run(Trial(method, "scene-0", 0, None))
+    oracle, other = asked
+    assert other == PAPER
+    assert oracle.attempt_seconds == METHODS["oracle"].budget_scale * PAPER.attempt_seconds
+    assert oracle.attempt_extensions == METHODS["oracle"].budget_scale * PAPER.attempt_extensions
 
 
 @given(st.floats(1, 100), st.floats(1, 10))

@@ -18,11 +18,11 @@ from hypothesis import strategies as st
 from fairlead.core.artifacts import read_jsonl
 from fairlead.core.budget import Budget
 from fairlead.core.errors import ArtifactError
-from fairlead.core.records import Plan, PlanOutcome, TrialOutcome
+from fairlead.core.records import Executed, Plan, PlanOutcome, TrialOutcome
 from fairlead.core.roles import Goal, World
 from fairlead.core.traces import EVENTS, read_trace
 from fairlead.execution.trace import TraceFolder
-from fairlead.execution.trial import Protocol, Task, TrialResult, run_trial
+from fairlead.execution.trial import STUCK_PLANS, Protocol, Task, TrialResult, run_trial
 from fairlead.planning.recovery import NoRecovery, RandomRecovery
 from fairlead.planning.rrt import BatchedRRT
 from toy import BAR, LAYOUT, SAMPLER, ToyWorld, arena, problem, straight, tail_goal
@@ -95,6 +95,33 @@ def test_stuck_ends_the_paper_protocol_and_not_the_fair_one():
     assert (paper.outcome, paper.plans, paper.times_stuck, paper.actions) == (TrialOutcome.STUCK, 2, 1, 2)
     fair = trial(scripted_task([None, 2, None, 3]), Budget(extensions=400), Protocol.FAIR)
     assert (fair.outcome, fair.plans, fair.times_stuck, fair.actions) == (TrialOutcome.BUDGET, 4, 2, 5)
+
+
+@final
+class Rooted(World):
+    """Nothing moves, and no time passes."""
+
+    layout = LAYOUT
+
+    def observe(self):
+        return START[None]
+
+    def execute(self, actions):
+        return Executed(self.observe(), np.zeros(1), np.array([1]))
+
+
+@pytest.mark.parametrize("recovery", [NoRecovery(), RandomRecovery(SAMPLER)])
+def test_who_is_stuck_for_ever_stops_long_before_the_budget_is_spent(recovery):
+    task = scripted_task(itertools.repeat(None), recovery, cost=32)
+    result = trial(task, Budget(seconds=180), Protocol.FAIR, world=Rooted(), clock=lambda: 0.0)
+    assert (result.outcome, result.plans, result.times_stuck) == (TrialOutcome.STUCK, STUCK_PLANS, STUCK_PLANS)
+    assert f"{STUCK_PLANS} times" in Protocol.FAIR.sentence
+
+
+def test_plans_that_are_stuck_elsewhere_do_not_count():
+    almost = (STUCK_PLANS - 1) * [None]
+    result = trial(scripted_task([*almost, 1, *almost, 2]), Budget(extensions=100 * 2 * STUCK_PLANS), Protocol.FAIR)
+    assert (result.outcome, result.actions) == (TrialOutcome.BUDGET, 3)
 
 
 @pytest.mark.parametrize("protocol", list(Protocol))

@@ -32,7 +32,7 @@ class Command:
     budget: str = "seconds=180"
     """Of each trial: seconds=N, or extensions=N, which makes the trials reproducible to the bit."""
     protocol: str = "fair"
-    """paper: a trial that is stuck without recovery ends; fair: it plans again until the budget is spent."""
+    """paper: a trial that is stuck without recovery ends; fair: it plans again, 100 times from one state at most."""
     planner: str = "rrt"
     """rrt (batched), ompl, or one that is installed."""
     seed: int = 0

@@ -59,7 +59,7 @@ class TrialOutcome(Explained):
 
     GOAL = ("goal", "The observed state is in the goal.")
     BUDGET = ("budget", "The budget was spent before the goal was reached.")
-    STUCK = ("stuck", "No action was trusted and the method has no recovery (protocol 'paper').")
+    STUCK = ("stuck", "No action was trusted and no recovery led on (at the first such plan under protocol 'paper').")
     DIVERGED = ("diverged", "The simulation diverged during execution.")
     INTERRUPTED = ("interrupted", "A person stopped the trial.")
 

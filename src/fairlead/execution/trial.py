@@ -23,11 +23,16 @@ from fairlead.execution.trace import NoTrace, Recorder
 MakePlan = Callable[[np.ndarray, Meter, np.random.Generator], Plan]
 
 
+STUCK_PLANS = 100
+"""A trial ends after so many stuck plans from one observed state: 3,200 rejected actions. To go on would cost wall time
+alone, since planning that ends at once is hardly charged."""
+
+
 class Protocol(Explained):
     """What happens when a trial is stuck and the recovery policy declines."""
 
     PAPER = ("paper", "The trial ends.")
-    FAIR = ("fair", "It plans again with a fresh seed until the budget is spent.")
+    FAIR = ("fair", "It plans again with a fresh seed until the budget is spent, 100 times from one state at most.")
 
 
 @dataclass(frozen=True)
@@ -111,7 +116,7 @@ class _Trial:
         self._world, self._task, self._meter, self._protocol, self._seed = world, task, meter, protocol, seed
         self._recorder = recorder or NoTrace()
         self._state: np.ndarray = world.observe()[0]
-        self._plans = self._actions = self._recoveries = self._stuck = 0
+        self._plans = self._actions = self._recoveries = self._stuck = self._stuck_here = 0
         self._first: tuple[bool, float] | None = None
         self._diverged = False
 
@@ -128,6 +133,8 @@ class _Trial:
             if plan.outcome is not PlanOutcome.STUCK:
                 self._follow(plan)
             elif not self._recover() and self._protocol is Protocol.PAPER:
+                return TrialOutcome.STUCK
+            if self._stuck_here == STUCK_PLANS:
                 return TrialOutcome.STUCK
 
     @property
@@ -171,6 +178,7 @@ class _Trial:
     def _recover(self) -> bool:
         """One recovery action; false where the policy declines."""
         self._stuck += 1
+        self._stuck_here += 1
         if self._plans == 1:
             self._first = False, self._error
         rng = stream(self._seed, "recovery", self._recoveries)
@@ -189,6 +197,8 @@ class _Trial:
     def _execute(self, action: Float[np.ndarray, " action"], recovery: bool) -> None:
         executed = self._world.execute(action[None])
         seconds, self._diverged = float(executed.seconds[0]), bool(executed.diverged[0])
+        if not np.array_equal(executed.states[0], self._state):
+            self._stuck_here = 0
         self._state = executed.states[0]
         self._actions += 1
         self._meter.charge_execution(seconds)

@@ -1,0 +1,57 @@
+"""Laws of generated scenes, whatever the scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fairlead.core.errors import FairleadError, SamplingError
+from fairlead.scenarios.generate import generate
+from fairlead.scenarios.scene_files import Scene
+from fakes import FakeScenario
+
+
+def solved(scene: Scene) -> Scene:
+    """The same with its goal where the tail is."""
+    return replace(scene, goal=replace(scene.goal, position=scene.rope[0]))
+
+
+@pytest.fixture
+def often_solved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every second draw of a seed and index is solved at the start, beginning with the first."""
+    draw: Callable[..., Scene] = FakeScenario.random_scene
+    drawn: dict[str, int] = {}
+
+    def random_scene(self: FakeScenario, rng: np.random.Generator, name: str) -> Scene:
+        drawn[name] = drawn.get(name, 0) + 1
+        scene = draw(self, rng, name)
+        return solved(scene) if drawn[name] % 2 else scene
+
+    monkeypatch.setattr(FakeScenario, "random_scene", random_scene)
+
+
+@pytest.mark.usefixtures("often_solved")
+def test_no_scene_is_solved_at_the_start() -> None:
+    fake = FakeScenario()
+    scenes = generate(fake, "random", 6, 3)
+    starts = np.stack([scene.state(fake.layout) for scene in scenes])
+    reached = [fake.goal(scene).reached(start) for scene, start in zip(scenes, starts, strict=True)]
+    assert not any(reached)
+    assert generate(fake, "random", 6, 3)[2:] == scenes[2:]
+
+
+def test_a_generator_that_solves_every_scene_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    draw: Callable[..., Scene] = FakeScenario.random_scene
+    monkeypatch.setattr(FakeScenario, "random_scene", lambda self, rng, name: solved(draw(self, rng, name)))
+    with pytest.raises(SamplingError, match="not reached at the start"):
+        generate(FakeScenario(), "random", 1, 0)
+
+
+def test_mistakes_have_sentences() -> None:
+    with pytest.raises(FairleadError, match="count 0"):
+        generate(FakeScenario(), "random", 0, 0)
+    with pytest.raises(FairleadError, match="no hard scenes"):
+        generate(FakeScenario(), "hard", 1, 0)
