@@ -95,6 +95,53 @@ def test_mistakes_are_one_line_and_exit_code_2(
     assert not (tmp_path / "new").exists()
 
 
+TRAIN = ("--data", "data", "--out", "new")
+EVALUATE = ("dragging", "--models", "m", "--scenes", "s", "--out", "new")
+REFUSED = {
+    ("train", "dynamics", "dragging", *TRAIN, "--grid", "coarse"): "--grid means nothing to train dynamics",
+    ("train", "dynamics", "dragging", *TRAIN, "--trust", "t"): "--trust means nothing to train dynamics",
+    (
+        "train",
+        "full-dynamics",
+        "dragging",
+        *TRAIN,
+        "--network",
+        "mlp",
+    ): "--network means nothing to train full-dynamics",
+    ("train", "trust", "dragging", *TRAIN): "train trust needs --dynamics",
+    ("train", "trust", "dragging", *TRAIN, "--dynamics", "d", "--network", "voxels"): "did you mean 'voxel'",
+    ("train", "trust", "dragging", *TRAIN, "--dynamics", "d", "--grid", "paper"): "without --network voxel",
+    (
+        "train",
+        "recovery",
+        "dragging",
+        *TRAIN,
+        "--dynamics",
+        "d",
+        "--trust",
+        "t",
+        "--grid",
+        "paper",
+    ): "--grid means nothing",
+    ("evaluate", *EVALUATE, "--methods", "trust", "--methods", "accept-all"): "--methods is given 2 times",
+    ("evaluate", *EVALUATE, "--methods=trust", "--methods", "oracle"): "--methods is given 2 times",
+    ("plan", *EVALUATE[:-2], "--scene", "a", "--scene", "b", "--trace", "new"): "--scene is given 2 times",
+    ("report", "runs", "--no-videos", "--no_videos"): "--no-videos is given 2 times",
+}
+
+
+@pytest.mark.parametrize("arguments", REFUSED, ids=lambda arguments: " ".join(arguments[-4:]))
+def test_nothing_that_is_given_is_silently_ignored(
+    arguments: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert call(monkeypatch, *arguments) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert line.startswith("fairlead: ")
+    assert REFUSED[arguments] in line
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_an_interruption_is_one_line_and_exit_code_130(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "fairlead.cli.main", "collect", "dragging", "--phase", "1"]
     options = ["--trajectories", "1000", "--lanes", "2", "--out", str(tmp_path / "d")]

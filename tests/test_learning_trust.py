@@ -13,7 +13,6 @@ import torch
 
 from fairlead.core.contracts import check_transition_check
 from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
-from fairlead.core.layout import StateLayout
 from fairlead.geometry.fields import BoxEnvironment
 from fairlead.geometry.shapes import Box
 from fairlead.geometry.voxels import Occupancy, VoxelGrid
@@ -22,7 +21,7 @@ from fairlead.learning.labels import label
 from fairlead.learning.model_files import Job
 from fairlead.learning.registry import load_check
 from fairlead.learning.trust import LearnedCheck, balanced_order, build_network, probabilities, train_trust
-from fairlead.learning.trust_network import PAPER_GRID, TrustConfig
+from fairlead.learning.trust_network import NETWORKS, PAPER_GRID, TrustConfig
 from fairlead.learning.trust_voxel import VoxelEncoder, transformed, transformed_grid
 from rope_data import LAYOUT, splits
 from test_labels import DELTA, FollowDynamics
@@ -139,6 +138,27 @@ def test_training_separates_saves_and_loads(name: str, tmp_path: Path) -> None:
         load_check(tmp_path, "dual_arm")
 
 
+def test_networks_are_judged_on_the_same_examples_whatever_they_were_trained_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("fairlead.learning.trust.HELD_OUT", 200)
+    judged = []
+    for name, limit in (("sdf", 300), ("voxel", 100)):
+        config = replace(CONFIGS[name], limit=limit, stages=(Stage(1, 64),))
+        train_trust(DYNAMICS, DATA, DELTA, config, Job(tmp_path / name, "toy", seed=2))
+        metrics = json.loads((tmp_path / name / "metrics.json").read_text())
+        assert metrics["train"]["examples"] == limit
+        shown = {key: metrics[key]["reliable_share"] for key in ("validation", "test")}
+        judged.append({**shown, "n": metrics["test"]["examples"], "spread": metrics["spread_threshold_m"]})
+    assert judged[0] == judged[1]
+    assert judged[0]["n"] == 200
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_every_network_can_be_built(name: str) -> None:
+    assert build_network(LAYOUT, replace(CONFIGS[name], hidden=4), 0).config.network == name
+
+
 def test_minibatches_are_balanced_and_use_every_example() -> None:
     labels = np.random.default_rng(0).random(1000) < 0.85
     batches = balanced_order(labels, 50, np.random.default_rng(1))
@@ -166,7 +186,7 @@ def test_layers_of_a_planar_grid_are_a_convolution_of_3_by_3_by_1() -> None:
 
 def test_mistakes_have_names() -> None:
     with pytest.raises(UnknownNameError, match="trust network 'voxels'"):
-        build_network(StateLayout(("g",), 2), TrustConfig("voxels"), 0)
+        TrustConfig("voxels")
     with pytest.raises(UnknownNameError, match="labelling rule"):
         TrustConfig(rule="fig")
     with pytest.raises(FairleadError, match="too small"):

@@ -40,6 +40,7 @@ def run(arguments: list[str]) -> None:
         return
     if name not in COMMANDS:
         raise UnknownNameError("command", name, COMMANDS)
+    _refuse_repeated(rest)
     import tyro
 
     module = importlib.import_module(f"fairlead.cli.{name}")
@@ -51,6 +52,14 @@ def run(arguments: list[str]) -> None:
         config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes),
     )
     command.run()
+
+
+def _refuse_repeated(arguments: list[str]) -> None:
+    """Of an option that is given twice the parser would silently take the last."""
+    options = [argument.partition("=")[0].replace("_", "-") for argument in arguments if argument.startswith("--")]
+    for option in options:
+        if options.count(option) > 1:
+            raise FairleadError(f"{option} is given {options.count(option)} times; once is allowed (a list has commas)")
 
 
 def main() -> None:

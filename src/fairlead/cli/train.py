@@ -11,6 +11,11 @@ import tyro
 
 from fairlead.cli.output import show
 
+NEEDS = {"trust": ("dynamics",), "recovery": ("dynamics", "trust")}
+"""The other models that each model is trained on."""
+SETTINGS = {"dynamics": ("network",), "full-dynamics": ("grid",), "trust": ("network", "grid")}
+"""What can be chosen of each."""
+
 
 @dataclass(frozen=True)
 class Command:
@@ -30,8 +35,8 @@ class Command:
     """Folder of the trained classifier (recovery)."""
     network: str | None = None
     """dynamics: chain or mlp (the paper's). trust: sdf or voxel (the paper's)."""
-    grid: Literal["coarse", "paper"] = "coarse"
-    """Voxels of a voxel classifier or of full dynamics."""
+    grid: Literal["coarse", "paper"] | None = None
+    """Voxels of a voxel classifier or of full dynamics; the preset's by default."""
     preset: str = "desk"
     """Whose settings of training: smoke, desk or paper."""
     seed: int = 0
@@ -44,31 +49,42 @@ class Command:
     def run(self) -> None:
         """Train, and print the metrics."""
         from fairlead.core.artifacts import read_json
-        from fairlead.core.errors import FairleadError
         from fairlead.learning.registry import use_threads
         from fairlead.learning.trust_network import COARSE_GRID, PAPER_GRID
         from fairlead.reproduce import stages
         from fairlead.reproduce.presets import preset
         from fairlead.scenarios.registry import scenario
 
+        self._check()
         use_threads(self.threads)
         world = scenario(self.scenario)
-        sizes, grid = preset(world.name, self.preset), PAPER_GRID if self.grid == "paper" else COARSE_GRID
-        needed = {"trust": ("dynamics",), "recovery": ("dynamics", "trust")}.get(self.model, ())
-        for name in needed:
-            if getattr(self, name) is None:
-                raise FairleadError(f"train {self.model} needs --{name} DIR, the folder of the trained {name}")
+        sizes, grids = preset(world.name, self.preset), {"coarse": COARSE_GRID, "paper": PAPER_GRID}
+        grid = {} if self.grid is None else {"grid": grids[self.grid]}
         if self.model == "dynamics":
             wide = {"network": "mlp", "hidden": 1024, "planar": False} if self.network == "mlp" else {}
             other = {} if self.network in (None, "mlp") else {"network": self.network}
             config = replace(sizes.dynamics, **wide, **other)
             stages.dynamics(world, self.data, config, self.out, self.seed)
         elif self.model == "full-dynamics":
-            stages.full_dynamics(world, self.data, replace(sizes.full_dynamics, grid=grid), self.out, self.seed)
+            stages.full_dynamics(world, self.data, replace(sizes.full_dynamics, **grid), self.out, self.seed)
         elif self.model == "trust" and self.dynamics:
             base = sizes.trust if self.network == "voxel" else sizes.trust_sdf
-            config = replace(base, grid=grid, network=self.network or base.network)
+            config = replace(base, **grid, network=self.network or base.network)
             stages.trust(world, self.data, self.dynamics, config, self.out, self.seed)
         elif self.dynamics and self.trust:
             stages.recovery(world, self.data, self.dynamics, self.trust, sizes.recovery, self.out, self.seed)
         show(read_json(self.out / "metrics.json"), self.json)
+
+    def _check(self) -> None:
+        """Refuse what is missing, and what would mean nothing."""
+        from fairlead.core.errors import FairleadError
+
+        needed, chosen = NEEDS.get(self.model, ()), SETTINGS.get(self.model, ())
+        for name in ("dynamics", "trust", "network", "grid"):
+            given = getattr(self, name) is not None
+            if name in needed and not given:
+                raise FairleadError(f"train {self.model} needs --{name} DIR, the folder of the trained {name}")
+            if given and name not in (*needed, *chosen):
+                raise FairleadError(f"--{name} means nothing to train {self.model}")
+        if self.model == "trust" and self.grid and self.network != "voxel":
+            raise FairleadError("--grid means nothing to train trust without --network voxel")

@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 
-from fairlead.core.errors import FairleadError, UnknownNameError
+from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import Transitions
 from fairlead.core.roles import Dynamics, Environment, TransitionCheck
@@ -26,17 +26,17 @@ from fairlead.learning.trust_network import Inputs, TrustConfig, TrustNetwork
 from fairlead.learning.trust_sdf import SdfTrust
 from fairlead.learning.trust_voxel import VoxelTrust
 
-NETWORKS: dict[str, Callable[[StateLayout, TrustConfig], TrustNetwork]] = {"sdf": SdfTrust, "voxel": VoxelTrust}
+HELD_OUT = 15_000
+"""Most examples of validation and of test: the same ones for every network, so that their metrics can be compared."""
+_BUILDERS: dict[str, Callable[[StateLayout, TrustConfig], TrustNetwork]] = {"sdf": SdfTrust, "voxel": VoxelTrust}
 _ROWS = 512
 
 
 def build_network(layout: StateLayout, config: TrustConfig, seed: int) -> TrustNetwork:
     """A network with weights derived from `seed`, in evaluation mode."""
-    if config.network not in NETWORKS:
-        raise UnknownNameError("trust network", config.network, NETWORKS)
     with torch.random.fork_rng(devices=[]):  # torch's layers draw from the global generator: put it back afterwards
         torch.manual_seed(stream_seed(seed, "trust", "weights"))
-        return NETWORKS[config.network](layout, config).eval()
+        return _BUILDERS[config.network](layout, config).eval()
 
 
 @final
@@ -111,7 +111,7 @@ def train_trust(dynamics: Dynamics, data: Splits, delta: float, config: TrustCon
     """Label the data with the predictions of `dynamics` at `delta` [m], train a classifier and save it."""
     started = time.monotonic()
     whole = {name: label(dynamics, getattr(data, name), delta, config.rule) for name in ("train", "validation", "test")}
-    limits = {"train": config.limit, "validation": -(-config.limit // 4), "test": -(-config.limit // 4)}
+    limits = {"train": config.limit, "validation": HELD_OUT, "test": HELD_OUT}
     examples = {name: e.sample(limits[name], stream(job.seed, "examples", name)) for name, e in whole.items()}
     network = build_network(data.layout, config, job.seed)
     task = TrustTask(network, examples["train"], examples["validation"])

@@ -20,6 +20,7 @@ from fairlead.learning.labels import RULES, Examples
 
 Inputs = Callable[[Int[np.ndarray, " row"]], tuple[Tensor, ...]]
 
+NETWORKS = ("sdf", "voxel")
 PAPER_GRID = VoxelGrid((100, 100, 4), 0.01)
 COARSE_GRID = VoxelGrid((50, 50, 1), 0.02)
 
@@ -29,7 +30,7 @@ class TrustConfig:
     """How a trust classifier is built and trained.
 
     Args:
-        network: `sdf` or `voxel`.
+        network: a name in `NETWORKS`.
         planar: motion in a horizontal plane: `sdf` turns its frame with the action, `voxel` convolves each layer of
             cells by itself (3 x 3 x 1).
         augment: a planar network also learns from mirrored examples (`sdf`), or mirrored and turned by quarters
@@ -37,7 +38,7 @@ class TrustConfig:
         hidden: hidden units.
         grid: the voxels (`voxel` only); the paper's for dragging is `PAPER_GRID`, the coarse one is fast on a CPU.
         rule: a name in `labels.RULES`.
-        limit: most training examples; a uniform sample beyond it. Validation and test have a quarter of it each.
+        limit: most training examples; a uniform sample beyond it.
         stages: minibatches are half reliable, half not.
         patience: epochs without improvement after which a stage ends.
     """
@@ -53,6 +54,8 @@ class TrustConfig:
     patience: int = 6
 
     def __post_init__(self) -> None:
+        if self.network not in NETWORKS:
+            raise UnknownNameError("trust network", self.network, NETWORKS)
         if self.rule not in RULES:
             raise UnknownNameError("labelling rule", self.rule, RULES)
         if min(self.hidden, self.limit, len(self.stages)) < 1:
