@@ -9,6 +9,8 @@ from typing import final
 import numpy as np
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 from jaxtyping import Float
 
 from fairlead.core.contracts import check_recovery
@@ -28,7 +30,7 @@ from fairlead.learning.recovery import (
     train_recovery,
 )
 from fairlead.learning.registry import load_recovery
-from fairlead.learning.stuck import recovery_examples
+from fairlead.learning.stuck import RecoveryExamples, recovery_examples
 from fairlead.learning.trust import LearnedCheck, build_network
 from fairlead.learning.trust_network import TrustConfig
 from rope_data import BOUNDS, LAYOUT, splits, trajectories
@@ -77,6 +79,21 @@ def test_stuck_states_are_paired_with_their_action_successor_and_environment() -
         assert found.share[row] == float(data.states[n, t + 1, 0] > 0.1)
     assert set(found.share) == {0.0, 1.0}
     assert found.examined == 160
+    counts = found.counts()
+    assert (counts["examined"], counts["stuck"]) == (160, len(found))
+    ones = int(found.share.sum())
+    assert counts["labels"] == {"0": len(found) - ones, "below 1/2": 0, "1/2 and above": 0, "1": ones}
+
+
+@given(st.lists(st.floats(0, 1)))
+def test_every_label_is_counted_once(share: list[float]) -> None:
+    count = len(share)
+    empty = np.zeros((count, 3))
+    found = RecoveryExamples(empty, empty, np.array(share), np.zeros(count, int), np.zeros((count, 2), int), count)
+    labels = found.counts()["labels"]
+    assert sum(labels.values()) == count
+    assert labels["0"] == share.count(0.0)
+    assert labels["1"] == share.count(1.0)
 
 
 def test_a_few_transitions_of_many_scenes_may_be_examined() -> None:
@@ -161,6 +178,7 @@ def test_nothing_to_learn_from_gives_random_actions_and_says_so(tmp_path: Path) 
 
     train_recovery(DYNAMICS, Free(), SAMPLER, data, CONFIG, Job(tmp_path, "toy"))  # type: ignore[arg-type]
     assert "acts at random" in (tmp_path / "card.md").read_text()
+    assert json.loads((tmp_path / "metrics.json").read_text())["train"]["stuck"] == 0
     policy = load_recovery(tmp_path, "toy", SAMPLER)
     assert isinstance(policy, LearnedRecovery)
     states = data.test.states[:, 0]

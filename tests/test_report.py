@@ -165,3 +165,17 @@ def test_the_reference_leads_the_page_and_is_explained(trials: Path, tmp_path: P
     assert text.splitlines()[2].startswith("trust-sdf reaches the goal")
     assert "trust-sdf is the reference: it was asked for." in text
     assert "| trust-sdf vs trust |" in text
+
+
+def test_an_untrained_recovery_is_called_that(tmp_path: Path) -> None:
+    examined = {name: {"examined": 3000, "stuck": 14} for name in ("train", "validation", "test")}
+    labels = {"0": 5, "below 1/2": 4, "1/2 and above": 3, "1": 2}
+    learned = {name: {**found, "labels": labels, "log_loss": 0.25} for name, found in examined.items()}
+    for name, metrics in (("recovery", {"trained": False, **examined}), ("recovery-sdf", {"trained": True, **learned})):
+        write_json(tmp_path / name / "metrics.json", metrics)
+        Manifest("model", {"kind": "recovery"}, 0, {}, {}, {}).write(tmp_path / name)
+    write_report([tmp_path], tmp_path / "report", videos=False)
+    text = (tmp_path / "report" / "report.md").read_text()
+    assert "recovery was NOT trained and acts at random: 14 stuck states in 3,000 (train)" in text
+    assert "recovery-sdf was NOT" not in text
+    assert "| recovery-sdf, test | 3,000 | 14 | 5 | 4 | 3 | 2 | 0.250 |" in text

@@ -174,10 +174,7 @@ def train_recovery(
         split, rng = getattr(data, name), stream(job.seed, "recovery", name)
         found[name] = recovery_examples(dynamics, check, sampler, split, config.samples, config.limit, rng)
     metrics: dict[str, Any] = {"trained": len(found["train"]) >= ENOUGH and len(found["validation"]) > 0}
-    for name, examples in found.items():
-        metrics[name] = {"examined": examples.examined, "stuck": len(examples)}
-        if len(examples):
-            metrics[name]["mean_share"] = float(examples.share.mean())
+    metrics |= {name: examples.counts() for name, examples in found.items()}
     head = None
     if metrics["trained"]:
         inputs = {name: head_inputs(trust, getattr(data, name), e) for name, e in found.items() if len(e)}

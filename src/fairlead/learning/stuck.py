@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -30,6 +31,22 @@ class RecoveryExamples:
 
     def __len__(self) -> int:
         return len(self.share)
+
+    def counts(self) -> dict[str, Any]:
+        """How many transitions were examined, in how many the start was stuck, and how the labels are distributed."""
+        share = self.share
+        labels = {
+            "0": share == 0,
+            "below 1/2": (share > 0) & (share < 0.5),
+            "1/2 and above": (share >= 0.5) & (share < 1),
+            "1": share == 1,
+        }
+        return {
+            "examined": self.examined,
+            "stuck": len(self),
+            "labels": {name: int(rows.sum()) for name, rows in labels.items()},
+            **({"mean_share": float(share.mean())} if len(self) else {}),
+        }
 
 
 def accepted(

@@ -14,12 +14,42 @@ from fairlead.report.tables import Table, metrics_table
 Drawn = tuple[Figure, str, bool]
 
 
+_LABELS = ("0", "below 1/2", "1/2 and above", "1")
+
+
 def metrics_tables(models: Sequence[Model]) -> list[Table]:
-    """One table a kind of model, with every number that was measured for it."""
+    """One table a kind of model, with every number that was measured for it; recovery has its own."""
     kinds = dict.fromkeys(model.kind for model in models)
+    of = {kind: [model for model in models if model.kind == kind] for kind in kinds}
     return [
-        metrics_table(kind, {model.name: model.scalars for model in models if model.kind == kind}) for kind in kinds
+        recovery_table(found)
+        if kind == "recovery"
+        else metrics_table(kind, {model.name: model.scalars for model in found})
+        for kind, found in of.items()
     ]
+
+
+def recovery_table(models: Sequence[Model]) -> Table:
+    """How many stuck states recovery was learned from, and how their labels are distributed."""
+    rows, notes = [], []
+    for model in models:
+        for split in ("train", "validation", "test"):
+            found = model.metrics[split]
+            labels = found.get("labels", {})
+            loss = f"{found['log_loss']:.3f}" if "log_loss" in found else "-"
+            counts = (f"{found[key]:,}" for key in ("examined", "stuck"))
+            rows.append((f"{model.name}, {split}", *counts, *(str(labels.get(name, "-")) for name in _LABELS), loss))
+        if not model.metrics["trained"]:
+            few = " and ".join(
+                f"{model.metrics[split]['stuck']:,} stuck states in {model.metrics[split]['examined']:,} ({split})"
+                for split in ("train", "validation")
+            )
+            notes.append(
+                f"{model.name} was NOT trained and acts at random: {few} transitions are too few to learn from."
+            )
+    note = "Label: the share of random actions that is accepted after the transition."
+    columns = ("model, split", "examined", "stuck", *(f"label {name}" for name in _LABELS), "cross-entropy")
+    return Table("recovery", columns, tuple(rows), " ".join([*notes, note]))
 
 
 def learning_curves(models: Sequence[Model]) -> Drawn:
