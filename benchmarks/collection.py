@@ -21,7 +21,7 @@ from fairlead.scenarios.scenario import Scenario
 
 @dataclass(frozen=True)
 class Recorded:
-    """A simulation as it was after it was made, and the controls of every step that it then took."""
+    """A simulation as it was after it was made, and the controls of its steps until a copy had its trajectory done."""
 
     simulation: Any
     qpos: np.ndarray
@@ -57,8 +57,9 @@ def _first_shard(scenario: Scenario, config: CollectConfig, threads: int, folder
 
 
 def record(scenario: Scenario, config: CollectConfig, threads: int, begun: Path) -> Recorded:
-    """Collect the second shard and note the controls."""
+    """Collect the second shard and note the controls while all copies step: bare steps then do the same physics."""
     simulate, made, controls = scenario.simulate, [], []
+    everyone = [True]
 
     def watched(*arguments: Any) -> Any:
         world: Any = simulate(*arguments)
@@ -66,7 +67,9 @@ def record(scenario: Scenario, config: CollectConfig, threads: int, begun: Path)
         made.append((simulation, simulation.qpos.copy(), simulation.qvel.copy()))
 
         def noting(ids: np.ndarray, count: int = 1) -> None:
-            controls.append(simulation.ctrl.copy())
+            everyone[0] &= len(ids) == config.lanes
+            if everyone[0]:
+                controls.append(simulation.ctrl.copy())
             step(ids, count)
 
         simulation.step = noting

@@ -42,6 +42,7 @@ class FakeWorld(SimulatedWorld):
     def __init__(self, obstacles: Sequence[Sequence[Obstacle]], states: np.ndarray, fragile: float) -> None:
         self._boxes = [[box for obstacle in row for box in obstacle.boxes] for row in obstacles]
         self._states, self._fragile, self._steps = states.astype(float), fragile, 0
+        self._sent: dict[int, np.ndarray] = {}
 
     @property
     def layout(self) -> StateLayout:
@@ -58,17 +59,24 @@ class FakeWorld(SimulatedWorld):
     def observe(self) -> np.ndarray:
         return self._states.copy()
 
-    def execute(self, actions: np.ndarray) -> Executed:
-        gripper = LAYOUT.grippers_of(self._states)[:, 0]
-        blocked = np.array([box_distance(boxes, a) < 0 for boxes, a in zip(self._boxes, actions, strict=True)])
+    def send(self, ids: np.ndarray, actions: np.ndarray) -> None:
+        self._sent |= dict(zip(ids.tolist(), actions, strict=True))
+
+    def receive(self) -> tuple[np.ndarray, Executed]:
+        """One copy after the other, the last one sent first."""
+        index, action = self._sent.popitem()
+        ids, actions = np.array([index]), action[None]
+        gripper = LAYOUT.grippers_of(self._states[ids])[:, 0]
+        blocked = np.array([box_distance(self._boxes[index], actions[0]) < 0])
         diverged = gripper[:, 0] > EDGE - self._fragile
         target = np.where((blocked | diverged)[:, None], gripper, actions)
-        points = follow(target, LAYOUT.points_of(self._states))
-        self._states = LAYOUT.join(target[:, None], points)
+        points = follow(target, LAYOUT.points_of(self._states[ids]))
+        self._states[ids] = LAYOUT.join(target[:, None], points)
         outcomes = np.where(blocked, _INDEX[ActionOutcome.TIMEOUT], _INDEX[ActionOutcome.TARGET])
-        self._steps += len(actions)
+        self._steps += 1
         seconds = np.where(blocked, 1.0, np.linalg.norm(target - gripper, axis=1) / 0.15)
-        return Executed(self.observe(), seconds, np.where(diverged, _INDEX[ActionOutcome.DIVERGED], outcomes))
+        outcomes = np.where(diverged, _INDEX[ActionOutcome.DIVERGED], outcomes)
+        return ids, Executed(self._states[ids], seconds, outcomes)
 
 
 @final

@@ -125,8 +125,10 @@ def test_full_force_pushes_neither_tunnel_nor_sink() -> None:
         start = world.simulation.qpos[:, :2].copy()
         yaw = rng.uniform(-np.pi, np.pi, count)
         target = start + 0.3 * np.stack([np.cos(yaw), np.sin(yaw)], -1)
+        world._from[:], world._to[:] = start, target
         for k in range(1, 251):
-            world._drive(everyone, start, target, 0.004 * k)
+            world._clock[:] = k
+            world._drive(everyone)
             world.simulation.step(everyone)
             if k % 50 == 0:
                 for i, (field, state) in enumerate(zip(fields, world.observe(), strict=True)):
@@ -141,8 +143,9 @@ def test_state_at_rest_does_not_drift() -> None:
     for _ in range(5):
         world.execute(DRAGGING.sampler.propose(world.observe(), rng))
     before = world.observe()
-    for _ in range(15):
-        world._settle(world._all, before[:, :2])
+    world._from[:], world._to[:], world._end[:] = before[:, :2], before[:, :2], 10_000
+    for _ in range(750):
+        world._step(np.arange(16))
     moved = np.linalg.norm(world.observe() - before, axis=1)
     assert moved.max() < 0.001
 
@@ -173,6 +176,25 @@ def test_rows_do_not_influence_each_other() -> None:
     alone = DRAGGING.simulate(obstacles[2:3], starts[2:3]).execute(actions[2:3]).states
     again = DRAGGING.simulate(obstacles, starts).execute(actions).states[2:3]
     np.testing.assert_array_equal(alone, again)
+
+
+def test_copies_need_not_wait_for_each_other() -> None:
+    """Copies that go on as soon as each is at rest end where they end in lockstep."""
+    lockstep, obstacles, rng = _random_worlds(5, 8)
+    world = DRAGGING.simulate(obstacles, lockstep.observe())
+    shifts = rng.uniform(-0.1, 0.1, (3, 5, 2))
+    lockstep = DRAGGING.simulate(obstacles, lockstep.observe())
+    for shift in shifts:
+        target = lockstep.observe()[:, :3]
+        lockstep.execute(np.c_[target[:, :2] + shift, target[:, 2]])
+    taken, ready = np.zeros(5, int), np.arange(5)
+    while (taken < 3).any():
+        target = world.observe()[ready, :3]
+        world.send(ready, np.c_[target[:, :2] + shifts[taken[ready], ready], target[:, 2]])
+        ids, _ = world.receive()
+        taken[ids] += 1
+        ready = ids[taken[ids] < 3]
+    np.testing.assert_array_equal(world.observe(), lockstep.observe())
 
 
 def test_an_observed_state_can_be_simulated_again() -> None:

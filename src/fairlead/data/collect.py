@@ -19,15 +19,15 @@ from fairlead.core.artifacts import Manifest
 from fairlead.core.budget import Clock
 from fairlead.core.errors import FairleadError
 from fairlead.core.records import ActionOutcome
-from fairlead.core.roles import World
 from fairlead.core.streams import stream
 from fairlead.data.recording import Recording
 from fairlead.data.shards import Shard, split_of
 from fairlead.data.store import Obstacles
 from fairlead.scenarios.scenario import Scenario
+from fairlead.scenarios.simulate import SimulatedWorld
 
 PAPER_STEPS, PAPER_TRAJECTORIES = {1: 10, 2: 50}, {1: 6144, 2: 2048}
-_REACHED = tuple(ActionOutcome).index(ActionOutcome.TARGET)
+_REACHED, _DIVERGED = map(tuple(ActionOutcome).index, (ActionOutcome.TARGET, ActionOutcome.DIVERGED))
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def _record(
     seed: int,
     index: int,
     scene: Int[np.ndarray, " lane"],
-    world: World,
+    world: SimulatedWorld,
     config: Mapping[str, Any],
     advance: Callable[[int], None],
 ) -> tuple[Shard, int]:
@@ -160,31 +160,36 @@ def _record(
     would be blocked again, which teaches little.
     """
     sampler = scenario.unconstrained_sampler if config["phase"] == 1 else scenario.sampler
-    lanes = np.arange(len(scene))
+    lanes, steps, layout = np.arange(len(scene)), config["steps"], scenario.layout
     streams = [stream(seed, "actions", config["phase"], int(lane), index) for lane in lanes]
-    displacement = np.zeros((len(lanes), len(scenario.layout.grippers), 3))
+    displacement = np.zeros((len(lanes), len(layout.grippers), 3))
     keep = np.zeros(len(lanes), bool)
-    states, actions, seconds, outcomes = [world.observe()], [], [], []
-    sound = np.isfinite(states[0]).all(axis=1)
-    for _ in range(config["steps"]):
-        rows = [sampler.redraw(displacement[i : i + 1], keep[i : i + 1], streams[i]) for i in lanes]
-        displacement = np.concatenate(rows)
-        actions.append(sampler.targets(states[-1], displacement))
-        done = world.execute(actions[-1])
-        states.append(done.states)
-        seconds.append(done.seconds)
-        outcomes.append(done.outcomes)
-        keep = done.outcomes == _REACHED
-        sound &= ~done.diverged & np.isfinite(done.states).all(axis=1)
-        advance(len(lanes))
+    states = np.empty((len(lanes), steps + 1, layout.state_size))
+    actions = np.empty((len(lanes), steps, layout.action_size))
+    seconds, outcomes = np.empty((len(lanes), steps)), np.empty((len(lanes), steps), int)
+    states[:, 0] = world.observe()
+    taken, ready = np.zeros(len(lanes), int), lanes
+    while (taken < steps).any():
+        ready = ready[taken[ready] < steps]
+        for i in ready:
+            displacement[i] = sampler.redraw(displacement[i : i + 1], keep[i : i + 1], streams[i])[0]
+        at = ready, taken[ready]
+        actions[at] = sampler.targets(states[at], displacement[ready])
+        world.send(ready, actions[at])
+        ready, done = world.receive()
+        seconds[ready, taken[ready]], outcomes[ready, taken[ready]] = done.seconds, done.outcomes
+        taken[ready] += 1
+        states[ready, taken[ready]], keep[ready] = done.states, done.outcomes == _REACHED
+        advance(len(ready))
+    sound = np.isfinite(states).all(axis=(1, 2)) & (outcomes != _DIVERGED).all(axis=1)
     shard = Shard(
         episode=(index * config["lanes"] + lanes)[sound],
         lane=lanes[sound],
         scene=scene[sound],
         split=np.array([split_of(int(lane)) for lane in lanes[sound]], dtype=str),
-        states=np.stack(states, axis=1)[sound].astype(np.float32),
-        actions=np.stack(actions, axis=1)[sound].astype(np.float32),
-        seconds=np.stack(seconds, axis=1)[sound].astype(np.float32),
-        outcomes=np.stack(outcomes, axis=1)[sound],
+        states=states[sound].astype(np.float32),
+        actions=actions[sound].astype(np.float32),
+        seconds=seconds[sound].astype(np.float32),
+        outcomes=outcomes[sound],
     )
     return shard, int((~sound).sum())

@@ -12,7 +12,7 @@ from typing import final
 
 import mujoco
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import ActionOutcome, Executed
@@ -22,7 +22,10 @@ from fairlead.scenarios.rope import FLOOR_BIT, OBSTACLE_BIT, PlanarRope
 from fairlead.scenarios.simulate import SimulatedWorld, Simulation, base_options
 
 LAYOUT = StateLayout(("gripper",), 10)
-_OUTCOMES = tuple(ActionOutcome)
+_TARGET, _TIMEOUT, _DIVERGED = map(
+    tuple(ActionOutcome).index, (ActionOutcome.TARGET, ActionOutcome.TIMEOUT, ActionOutcome.DIVERGED)
+)
+_NEVER = -1
 ARENA = 2.0
 WALLS = tuple(
     Box((0.1, ARENA + 0.1, 0.3) if side[0] else (ARENA + 0.1, 0.1, 0.3), (side[0], side[1], 0.15))
@@ -51,9 +54,9 @@ class Gripper:
     settle: float = 0.2
 
     def profile(
-        self, length: Float[np.ndarray, "batch 1"], time: float
+        self, length: Float[np.ndarray, "batch 1"], time: Float[np.ndarray, "batch 1"]
     ) -> tuple[Float[np.ndarray, "batch 1"], Float[np.ndarray, "batch 1"]]:
-        """How far [m] and how fast [m/s] the set-point is, `time` seconds after leaving for a target `length` away.
+        """How far [m] and how fast [m/s] the set-point is, `time` [s] after leaving for a target `length` away.
 
         With v = min(speed, sqrt(2 a l)) and T = (l - v^2 / 2a) / v + v / a:
         v t while cruising, l - a (T - t)^2 / 2 while braking; l is cut to what can be done before the timeout.
@@ -121,7 +124,11 @@ class DraggingWorld(SimulatedWorld):
         if obstacles is not None and sizes:
             batch.mocap_pos, batch.mocap_quat = box_poses(obstacles, sizes)
         self._hinges = np.array([model.joint(f"hinge{i}").qposadr[0] for i in reversed(range(rope.links))])
-        self._all = np.arange(len(states), dtype=np.int32)
+        self._settle_steps = round(gripper.settle / model.opt.timestep)
+        self._active = np.empty(0, np.int32)
+        self._before = np.zeros_like(self.simulation.qpos)
+        self._from, self._to = np.zeros((2, len(states), 2))
+        self._clock, self._end, self._outcome = np.zeros((3, len(states)), int)
         self.place(states)
         self._residual = self._rms(states)
 
@@ -135,8 +142,12 @@ class DraggingWorld(SimulatedWorld):
         headings = self.rope.headings(states[:, :3], LAYOUT.points_of(states))
         qpos[:, self._hinges] = self.rope.joint_angles(headings)
         self.simulation.qpos[:], self.simulation.qvel[:] = qpos, 0.0
-        self._unsound = self._settle(self._all, qpos[:, :2])
-        self.simulation.qpos[self._unsound] = qpos[self._unsound]
+        self._from[:], self._to[:], self._clock[:], self._end[:] = qpos[:, :2], qpos[:, :2], 0, self._settle_steps
+        everyone = np.arange(len(states), dtype=np.int32)
+        for _ in range(self._settle_steps):
+            self._step(everyone)
+        self._unsound = self.simulation.diverged(everyone)
+        self.simulation.qpos[self._unsound], self.simulation.qvel[:] = qpos[self._unsound], 0.0
 
     @property
     def layout(self) -> StateLayout:
@@ -155,8 +166,11 @@ class DraggingWorld(SimulatedWorld):
         return np.sqrt((gap[..., :2] ** 2).sum(-1).mean(-1))
 
     def observe(self) -> Float[np.ndarray, "batch state"]:
+        return self._observe(np.arange(len(self._clock)))
+
+    def _observe(self, ids: Int[np.ndarray, " some"]) -> Float[np.ndarray, "some state"]:
         """Gripper and link centres [m], by forward kinematics from the joint positions."""
-        qpos, rope = self.simulation.qpos, self.rope
+        qpos, rope = self.simulation.qpos[ids], self.rope
         heading = np.cumsum(qpos[:, self._hinges], axis=1)[:, ::-1]
         direction = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
         state = np.full((len(qpos), LAYOUT.state_size), rope.height)
@@ -164,53 +178,50 @@ class DraggingWorld(SimulatedWorld):
         LAYOUT.points_of(state)[..., :2] = qpos[:, None, :2] + np.einsum("ij,bjk->bik", rope.centre_weights, direction)
         return state
 
-    def execute(self, actions: Float[np.ndarray, "batch action"]) -> Executed:
+    def send(self, ids: Int[np.ndarray, " some"], actions: Float[np.ndarray, "some action"]) -> None:
+        self._before[ids] = self.simulation.qpos[ids]
+        self._from[ids], self._to[ids] = self._before[ids, :2], actions[:, :2]
+        self._clock[ids], self._end[ids] = 0, _NEVER
+        self._active = np.union1d(self._active, ids).astype(np.int32)
+
+    def receive(self) -> tuple[Int[np.ndarray, " some"], Executed]:
         """Move each gripper towards its target until it is there or the time is out, then let the rope settle."""
-        before = self.simulation.qpos.copy()
-        seconds, outcomes, hold = self._move(actions[:, :2])
-        bad = self._unsound | (outcomes == _OUTCOMES.index(ActionOutcome.DIVERGED))
-        bad |= self._settle(self._all, hold)
-        if bad.any():
-            outcomes[bad] = _OUTCOMES.index(ActionOutcome.DIVERGED)
-            self.simulation.qpos[bad], self.simulation.qvel[bad] = before[bad], 0.0
-        return Executed(self.observe(), seconds + self.gripper.settle, outcomes)
+        done = np.zeros(len(self._active), bool)
+        while not done.any():
+            self._step(self._active)
+            done = self._clock[self._active] == self._end[self._active]
+        ids, self._active = self._active[done], self._active[~done]
+        bad = ids[self._unsound[ids] | self.simulation.diverged(ids) | (self._outcome[ids] == _DIVERGED)]
+        self._outcome[bad], self.simulation.qpos[bad] = _DIVERGED, self._before[bad]
+        self.simulation.qvel[ids] = 0.0
+        seconds = self._clock[ids] * self.simulation.dt
+        return ids, Executed(self._observe(ids), seconds, self._outcome[ids])
 
-    def _move(
-        self, targets: Float[np.ndarray, "batch 2"]
-    ) -> tuple[Float[np.ndarray, " batch"], Int[np.ndarray, " batch"], Float[np.ndarray, "batch 2"]]:
-        """Returns the seconds taken, the outcomes, and where to hold each gripper while the rope settles."""
+    def _step(self, ids: Int[np.ndarray, " active"]) -> None:
+        """One step of each copy; those that end their motion hold where they are, or should be, until `_end`."""
         simulation, gripper = self.simulation, self.gripper
-        steps = round(gripper.timeout / simulation.dt)
-        taken = np.full(len(targets), steps)
-        outcomes = np.full(len(targets), _OUTCOMES.index(ActionOutcome.TIMEOUT))
-        hold = targets.copy()
-        start, active = simulation.qpos[:, :2].copy(), self._all
-        for k in range(1, steps + 1):
-            self._drive(active, start[active], targets[active], k * simulation.dt)
-            simulation.step(active)
-            gap = targets[active] - simulation.qpos[active, :2]
-            at_rest = np.abs(simulation.qvel[active, :2]).max(1) < gripper.tolerance
-            arrived = at_rest & ((gap * gap).sum(1) < gripper.tolerance**2)
-            bad = simulation.diverged(active) if k % 5 == 0 else np.zeros(len(active), bool)
-            ended = arrived | bad
-            if ended.any():
-                taken[active[ended]] = k
-                outcomes[active[arrived]] = _OUTCOMES.index(ActionOutcome.TARGET)
-                outcomes[active[bad]] = _OUTCOMES.index(ActionOutcome.DIVERGED)
-                active = active[~ended]
-                if not len(active):
-                    break
-        hold[active] = simulation.qpos[active, :2]
-        return taken * simulation.dt, outcomes, hold
+        self._clock[ids] += 1
+        self._drive(ids)
+        simulation.step(ids)
+        moving = ids[self._end[ids] == _NEVER]
+        gap = self._to[moving] - simulation.qpos[moving, :2]
+        arrived = (gap * gap).sum(1) < gripper.tolerance**2
+        arrived &= np.abs(simulation.qvel[moving, :2]).max(1, initial=0.0) < gripper.tolerance
+        late = ~arrived & (self._clock[moving] == round(gripper.timeout / simulation.dt))
+        bad = self._clock[moving] % 5 == 0
+        bad[bad] = simulation.diverged(moving[bad])
+        for ended, outcome in ((late, _TIMEOUT), (arrived, _TARGET), (bad, _DIVERGED)):
+            self._outcome[moving[ended]] = outcome
+        self._to[moving[late]] = simulation.qpos[moving[late], :2]
+        ended = moving[arrived | late | bad]
+        self._from[ended] = self._to[ended]
+        self._end[ended] = self._clock[ended] + self._settle_steps
 
-    def _drive(
-        self, ids: Int[np.ndarray, " active"], start: Float[np.ndarray, "active 2"],
-        target: Float[np.ndarray, "active 2"], time: float,
-    ) -> None:  # fmt: skip
-        """Set the gripper forces for a set-point that left `start` `time` seconds ago."""
-        gripper, way = self.gripper, target - start
+    def _drive(self, ids: Int[np.ndarray, " active"]) -> None:
+        """Set the gripper forces for the set-points, each of which left `_from` as its clock began."""
+        gripper, start, way = self.gripper, self._from[ids], self._to[ids] - self._from[ids]
         length = np.sqrt((way * way).sum(1, keepdims=True)) + 1e-12
-        travelled, speed = gripper.profile(length, time)
+        travelled, speed = gripper.profile(length, self._clock[ids, None] * self.simulation.dt)
         direction = way / length
         setpoint, velocity = start + travelled * direction, speed * direction
         force = gripper.kp * (setpoint - self.simulation.qpos[ids, :2]) + gripper.kv * (
@@ -218,14 +229,3 @@ class DraggingWorld(SimulatedWorld):
         )
         size = np.sqrt((force * force).sum(1, keepdims=True))
         self.simulation.ctrl[ids] = force * np.minimum(1.0, gripper.force / (size + 1e-12))
-
-    def _settle(
-        self, ids: Int[np.ndarray, " active"], hold: Float[np.ndarray, "active 2"]
-    ) -> Bool[np.ndarray, " active"]:
-        """Hold the grippers until the rope rests; drop what is left of its velocity. Returns which have diverged."""
-        for _ in range(round(self.gripper.settle / self.simulation.dt)):
-            self._drive(ids, hold, hold, 1.0)
-            self.simulation.step(ids)
-        diverged = self.simulation.diverged(ids)
-        self.simulation.qvel[ids] = 0.0
-        return diverged

@@ -13,6 +13,7 @@ import mujoco.batch
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from fairlead.core.records import Executed
 from fairlead.core.roles import World
 
 SPEED_LIMIT = 100.0
@@ -20,7 +21,27 @@ SPEED_LIMIT = 100.0
 
 
 class SimulatedWorld(World):
-    """A world in a simulator: it also knows how well it could lay the rope where it was asked to."""
+    """A world in a simulator: its copies need not wait for each other, and it knows how well it could lay the rope."""
+
+    @abstractmethod
+    def send(self, ids: Int[np.ndarray, " some"], actions: Float[np.ndarray, "some action"]) -> None:
+        """Give each of these copies, all of them at rest, its next action."""
+
+    @abstractmethod
+    def receive(self) -> tuple[Int[np.ndarray, " some"], Executed]:
+        """Simulate until at least one copy is at rest after its action; those copies, in order, and what happened."""
+
+    @final
+    def execute(self, actions: Float[np.ndarray, "batch action"]) -> Executed:
+        everyone = np.arange(len(actions), dtype=np.int32)
+        self.send(everyone, actions)
+        states, seconds, outcomes = self.observe(), np.zeros(len(actions)), np.zeros(len(actions), int)
+        left = len(actions)
+        while left:
+            ids, done = self.receive()
+            states[ids], seconds[ids], outcomes[ids] = done.states, done.seconds, done.outcomes
+            left -= len(ids)
+        return Executed(states, seconds, outcomes)
 
     @property
     @abstractmethod
