@@ -11,9 +11,12 @@ from collections.abc import Generator, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from typing import TYPE_CHECKING
 
 from fairlead.core.errors import FairleadError
-from fairlead.evaluation.bench import Bench, Job, Row, TrialsConfig
+
+if TYPE_CHECKING:
+    from fairlead.evaluation.bench import Job, Row, TrialsConfig
 
 
 def run_jobs(config: TrialsConfig, jobs: Sequence[Job], workers: int) -> Generator[Row, None, None]:
@@ -56,9 +59,10 @@ def _started(config: TrialsConfig) -> tuple[Connection, BaseProcess]:
     """A new worker, and our end of the pipe to it."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=_work, args=(config, theirs), daemon=True)
+    process = context.Process(target=_work, args=(theirs,), daemon=True)
     process.start()
     theirs.close()
+    ours.send(config)
     return ours, process
 
 
@@ -76,13 +80,15 @@ def _received(pipe: Connection, process: BaseProcess) -> Row:
     return found
 
 
-def _work(config: TrialsConfig, pipe: Connection) -> None:
-    """A worker: one bench, and one trial after another as they are asked for."""
+def _work(pipe: Connection) -> None:
+    """A worker: receives a configuration, builds its bench, and runs one trial after another as they are asked for."""
     # An interrupt from the keyboard reaches every process; the parent alone answers it, and stops its workers.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_leave_with_parent, daemon=True).start()
+    from fairlead.evaluation.bench import Bench  # takes seconds, and the parent is watched already
+
     try:
-        bench = Bench(config)
+        bench = Bench(pipe.recv())
         while True:
             pipe.send(bench.run(pipe.recv()))
     except EOFError:
