@@ -120,6 +120,11 @@ class FakeScenario(Scenario):
             if box_distance([box], state.reshape(-1, 3)).min() > 0.02:
                 return (Obstacle("cube", (box,)),)
 
+    def rearrange(
+        self, states: np.ndarray, rngs: Sequence[np.random.Generator], threads: int = 1
+    ) -> tuple[list[tuple[Obstacle, ...]], np.ndarray]:
+        return [self.random_obstacles(state, rng) for state, rng in zip(states, rngs, strict=True)], states
+
     def random_scene(self, rng: np.random.Generator, name: str) -> Scene:
         state = self.random_start(rng)
         points = tuple(tuple(map(float, point)) for point in LAYOUT.points_of(state))

@@ -101,7 +101,7 @@ def collect(
     advance(min(len(recording) * lanes, config.trajectories) * steps)
     for index in range(len(recording), -(-config.trajectories // lanes)):
         began, count = clock(), min(lanes, config.trajectories - index * lanes)
-        starts = _starts(scenario, config, index, count, previous, recording.scenes)
+        starts = _starts(scenario, config, index, count, previous, recording.scenes, threads)
         if config.phase == 1:
             world = scenario.simulate_unconstrained(starts.states, threads)
         else:
@@ -122,27 +122,38 @@ class _Starts:
 
 
 def _starts(
-    scenario: Scenario, config: CollectConfig, index: int, count: int, previous: Shard | None, known: list[Obstacles]
+    scenario: Scenario,
+    config: CollectConfig,
+    index: int,
+    count: int,
+    previous: Shard | None,
+    known: list[Obstacles],
+    threads: int,
 ) -> _Starts:
     """A lane goes on from its last recorded state; a new one, or one that diverged, starts afresh.
 
-    In phase 2 obstacles are drawn for a fresh start and every `obstacles_every` trajectories, clear of the rope.
+    In phase 2 the scenario arranges a new scene for a fresh start and every `obstacles_every` trajectories.
     """
-    scenes, states, scene = list(known), [], []
+    scenes, states, scene, moved = list(known), [], [], []
     if config.phase == 1 and not scenes:
         scenes.append(())
     rows = () if previous is None else zip(previous.lane, previous.states[:, -1], previous.scene, strict=True)
     ends = {int(lane): (state.astype(float), int(place)) for lane, state, place in rows}
     for lane in range(count):
-        names = (config.phase, lane, index)
         fresh = lane not in ends
-        state, place = (scenario.random_start(stream(config.seed, "start", *names)), 0) if fresh else ends[lane]
+        start = stream(config.seed, "start", config.phase, lane, index)
+        state, place = (scenario.random_start(start), 0) if fresh else ends[lane]
         if config.phase == 2 and (fresh or index % config.obstacles_every == 0):
-            place = len(scenes)
-            scenes.append(scenario.random_obstacles(state, stream(config.seed, "obstacles", *names)))
+            place = len(scenes) + len(moved)
+            moved.append(lane)
         states.append(state)
         scene.append(place)
-    return _Starts(np.stack(states), np.array(scene), scenes)
+    stacked = np.stack(states)
+    if moved:
+        rngs = [stream(config.seed, "obstacles", config.phase, lane, index) for lane in moved]
+        obstacles, stacked[moved] = scenario.rearrange(stacked[moved], rngs, threads)
+        scenes.extend(obstacles)
+    return _Starts(stacked, np.array(scene), scenes)
 
 
 def _record(

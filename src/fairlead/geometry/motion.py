@@ -21,6 +21,7 @@ class RandomDisplacement(ActionSampler):
         low, high: corners [m] of the region where gripper targets may lie.
         planar: directions in the horizontal plane (a heading) instead of pitch and yaw.
         repeat_probability: how often data collection repeats the previous displacement.
+        apart: the largest distance between two grippers [m].
     """
 
     def __init__(
@@ -31,10 +32,11 @@ class RandomDisplacement(ActionSampler):
         high: tuple[float, ...],
         planar: bool,
         repeat_probability: float = 0.8,
+        apart: float = np.inf,
     ) -> None:
         self.layout, self.reach, self.planar = layout, reach, planar
         self.low, self.high = np.array(low), np.array(high)
-        self.repeat_probability = repeat_probability
+        self.repeat_probability, self.apart = repeat_probability, apart
 
     def displacements(self, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count gripper 3"]:
         """Independent random displacements [m] for each gripper."""
@@ -50,6 +52,10 @@ class RandomDisplacement(ActionSampler):
     ) -> Float[np.ndarray, "batch action"]:
         """Gripper positions plus displacements, moved to the nearest allowed position [m]."""
         moved = np.clip(self.layout.grippers_of(states) + displacements, self.low, self.high)
+        if len(self.layout.grippers) == 2:
+            middle = moved.mean(axis=1, keepdims=True)
+            gap = np.linalg.norm(moved[:, 1:] - moved[:, :1], axis=-1, keepdims=True)
+            moved = middle + (moved - middle) * np.minimum(1.0, self.apart / np.maximum(gap, 1e-9))
         return moved.reshape(len(states), self.layout.action_size)
 
     def propose(

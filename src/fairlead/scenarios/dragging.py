@@ -111,6 +111,13 @@ class Dragging(Scenario):
             OBSTACLES, -0.85, 0.85, np.concatenate([clear, between]), self.rope.radius + 0.004, rng, WALLS
         )
 
+    def rearrange(
+        self, states: Float[np.ndarray, "batch state"], rngs: Sequence[np.random.Generator], threads: int = 1
+    ) -> tuple[list[tuple[Obstacle, ...]], Float[np.ndarray, "batch state"]]:
+        """The rope stays; the obstacles are placed anew around it."""
+        del threads
+        return [self.random_obstacles(state, rng) for state, rng in zip(states, rngs, strict=True)], states
+
     def random_goal(self, obstacles: Sequence[Obstacle], rng: np.random.Generator) -> GoalSpec:
         """The tail's goal, uniform in [-0.7, 0.7]^2, at least 0.10 m from obstacles; not checked for reachability."""
         environment = self.environment(obstacles)

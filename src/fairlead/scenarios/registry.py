@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 from fairlead.core import plugins
 from fairlead.scenarios.dragging import Dragging
+from fairlead.scenarios.dual_arm import DualArm
 from fairlead.scenarios.scenario import Scenario
 
-SCENARIOS: dict[str, Callable[[], Scenario]] = {"dragging": Dragging}
+SCENARIOS: dict[str, Callable[[], Scenario]] = {"dragging": Dragging, "dual_arm": DualArm}
 
 
 def scenario(name: str) -> Scenario:

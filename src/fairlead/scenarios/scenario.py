@@ -66,6 +66,12 @@ class Scenario(ABC):
         """Obstacles at random places that leave the rope in `state` free."""
 
     @abstractmethod
+    def rearrange(
+        self, states: Float[np.ndarray, "batch state"], rngs: Sequence[np.random.Generator], threads: int = 1
+    ) -> tuple[list[tuple[Obstacle, ...]], Float[np.ndarray, "batch state"]]:
+        """New obstacles for each row, drawn from its own stream, and the state in which the rope is among them."""
+
+    @abstractmethod
     def random_scene(self, rng: np.random.Generator, name: str) -> Scene:
         """A scene like the paper's test scenes: obstacles, a start and a goal."""
 
