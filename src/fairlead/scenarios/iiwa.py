@@ -47,7 +47,7 @@ def add_torso(spec: mujoco.MjSpec) -> None:
     for side, quaternion in ((1, TILT), (-1, _mirrored(TILT))):
         _part(spec.worldbody, (x, 0, z), (x, side * y, z), 0.07, DARK)
         base = spec.worldbody.add_body(pos=(x, side * y, z), quat=quaternion)
-        _part(base, (0, 0, 0), (0, 0, BASE), 0.07, GREY)
+        _part(base, (0, 0, 0), (0, 0, BASE), 0.075, GREY)
 
 
 def _part(body: mujoco.MjsBody, start: Sequence[float], end: Sequence[float], radius: float, colour: Colour) -> None:

@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
 from fairlead.geometry.shapes import Obstacle
+from fairlead.scenarios.arms import Arms
 
 Colour = tuple[float, float, float, float]
 ROPE: Colour = (0.93, 0.42, 0.16, 1.0)
@@ -27,6 +28,7 @@ GHOST: Colour = (0.20, 0.55, 0.95, 0.45)
 GRIPPER: Colour = (0.15, 0.17, 0.20, 1.0)
 GOAL: Colour = (0.20, 0.70, 0.35, 0.55)
 OBSTACLE: Colour = (0.58, 0.63, 0.70, 1.0)
+ARM: Colour = (0.80, 0.82, 0.84, 1.0)
 
 
 @final
@@ -40,6 +42,7 @@ class SceneRenderer:
         obstacles: the scene's obstacles.
         goal: centre [m] and radius [m] of a goal to draw, or None.
         width, height: of a frame [pixels].
+        arms: that hold the grippers, or None.
     """
 
     def __init__(
@@ -51,6 +54,7 @@ class SceneRenderer:
         goal: tuple[Sequence[float], float] | None,
         width: int = 800,
         height: int = 800,
+        arms: Arms | None = None,
     ) -> None:
         backdrop.vis.global_.offwidth = max(backdrop.vis.global_.offwidth, width)
         backdrop.vis.global_.offheight = max(backdrop.vis.global_.offheight, height)
@@ -63,6 +67,7 @@ class SceneRenderer:
         self._data = mujoco.MjData(backdrop)
         mujoco.mj_forward(backdrop, self._data)
         self._layout, self._radius, self._obstacles, self._goal = layout, rope_radius, obstacles, goal
+        self._arms = arms
 
     def __enter__(self) -> SceneRenderer:
         return self
@@ -85,6 +90,10 @@ class SceneRenderer:
         if ghost is not None:
             self._rope(ghost, GHOST)
         self._rope(state, ROPE)
+        if self._arms is not None:
+            joints, _ = self._arms.grasp(self._layout.grippers_of(state)[None])
+            for start, end, radius in zip(*self._arms.capsules(joints[0]), strict=True):
+                self._capsule(start, end, radius, ARM)
         return self._renderer.render()
 
     def _rope(self, state: Float[np.ndarray, " state"], colour: Colour) -> None:
@@ -93,11 +102,14 @@ class SceneRenderer:
         if len(grippers) > 1:
             chain = np.concatenate([grippers[:1], chain])
         for start, end in pairwise(chain):
-            geom = self._add(mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), colour)
-            mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, self._radius, start, end)
+            self._capsule(start, end, self._radius, colour)
         held = GRIPPER if colour is ROPE else colour
         for gripper in grippers:
             self._add(mujoco.mjtGeom.mjGEOM_SPHERE, [1.3 * self._radius, 0, 0], gripper, held)
+
+    def _capsule(self, start: np.ndarray, end: np.ndarray, radius: float, colour: Colour) -> None:
+        geom = self._add(mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), colour)
+        mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, radius, start, end)
 
     def _add(self, kind: mujoco.mjtGeom, size: Any, position: Any, colour: Colour, matrix: Any = None) -> Any:
         scene = self._renderer.scene
