@@ -203,6 +203,14 @@ def test_what_starts_in_a_collision_may_leave_it() -> None:
     assert ARMS.follow(joints, grippers, grippers, boxes).outcomes[0] == TARGET
 
 
+def test_no_rows_are_no_paths() -> None:
+    none = np.zeros((0, 2, 3))
+    joints, reached = ARMS.grasp(none)
+    path = ARMS.follow(joints, none, none, [])
+    assert (joints.shape, reached.shape) == ((0, 2, 7), (0,))
+    assert (path.joints.shape, path.outcomes.shape) == ((0, 7, 2, 7), (0,))
+
+
 def test_seconds_are_the_fastest_joints() -> None:
     *_, path = next(walk(np.random.default_rng(4), [TABLE], 1))
     speed = np.abs(np.diff(path.joints, axis=1)) / iiwa.SPEED_LIMITS

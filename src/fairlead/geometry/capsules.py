@@ -110,7 +110,7 @@ class Capsules:
         """Least distance [m] to a box or to a capsule of another group; `horizon` where all are farther."""
         least = np.full(self.starts.shape[-1], horizon)
         middles = self.starts + self.along / 2
-        spheres = np.sqrt(dot(self.along, self.along)).max(axis=-1) / 2 + self.radii
+        spheres = np.sqrt(dot(self.along, self.along)).max(axis=-1, initial=0.0) / 2 + self.radii
         self._to_boxes(least, middles, spheres + horizon, boxes, horizon)
         self._to_others(least, middles, spheres, horizon)
         return least
@@ -125,7 +125,7 @@ class Capsules:
     ) -> None:
         """Spheres about capsule and box are compared first, then their extents along the axes of the box."""
         rows = boxes.centres.shape[-1]
-        away = middles.reshape(3, len(spheres), 1, -1, rows) - boxes.centres[:, None, :, None]
+        away = middles.reshape(3, len(spheres), 1, len(least) // max(rows, 1), rows) - boxes.centres[:, None, :, None]
         bound = spheres[:, None, None] + np.sqrt(dot(boxes.halves, boxes.halves))
         capsule, box, w, row = np.nonzero(dot(away, away) < (bound**2)[:, :, None])
         column = w * rows + row
