@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import mujoco
@@ -12,12 +10,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from fairlead.core import contracts
-from fairlead.core.errors import FairleadError, UnknownNameError
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import ActionOutcome, Transitions
-from fairlead.geometry.capsules import BoxRows, Capsules
 from fairlead.geometry.fields import BoxEnvironment
-from fairlead.geometry.shapes import Box, box_distance
+from fairlead.geometry.shapes import Box
 from fairlead.planning.checks import AcceptAll, SpreadThreshold
 from fairlead.scenarios import iiwa
 from fairlead.scenarios.arms import CLEARANCE, TOLERANCE, Arms
@@ -33,7 +29,6 @@ TARGET, LIMIT, COLLISION = (
     for o in (ActionOutcome.TARGET, ActionOutcome.JOINT_LIMIT, ActionOutcome.ARM_COLLISION)
 )
 FORWARD = np.array([1.0, 0.0, 0.0])
-EXAMPLES = Path(__file__).parents[1] / "examples"
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -243,34 +238,6 @@ def test_the_posture_hardly_depends_on_the_way() -> None:
     assert same / total >= 0.97
 
 
-@given(seeds)
-def test_clearance_is_the_least_distance_between_points(seed: int) -> None:
-    """Capsules of two groups among boxes, against points sampled along the segments."""
-    rng = np.random.default_rng(seed)
-    starts, along, radii = rng.normal(0, 0.5, (3, 5, 2)), rng.normal(0, 0.4, (3, 5, 2)), rng.uniform(0.01, 0.1, 5)
-    along[:, 0] = 0.0
-    groups = np.array([0, 0, 1, 1, 1])
-    rows = [
-        [Box(tuple(rng.uniform(0.1, 0.5, 3)), tuple(rng.normal(0, 0.6, 3)),
-             tuple(Rotation.random(random_state=rng).as_quat())) for _ in range(count)]
-        for count in (3, 1)
-    ]  # fmt: skip
-    found = Capsules(starts, along, radii, groups).clearance(BoxRows.of(rows), 10.0)
-    t = np.linspace(0, 1, 401)
-    points = starts[..., None] + t * along[..., None]
-    for row in range(2):
-        mine = np.moveaxis(points[:, :, row], 0, -1)
-        to_boxes = (box_distance(rows[row], mine).min(axis=1) - radii).min()
-        between = [
-            np.linalg.norm(mine[i][:, None] - mine[j], axis=-1).min() - radii[i] - radii[j]
-            for i in range(5) for j in range(5) if groups[i] < groups[j]
-        ]  # fmt: skip
-        assert found[row] == pytest.approx(min(to_boxes, *between), abs=3e-3)
-        assert found[row] <= min(to_boxes, *between) + 5e-4
-    nearest = Capsules(starts, along, radii, groups).clearance(BoxRows.of(rows), 0.05)
-    np.testing.assert_array_equal(nearest, np.minimum(found, 0.05))
-
-
 def test_the_arms_do_not_pass_through_each_other() -> None:
     grippers = np.array([[[0.8, 0.2, 0.9], [0.8, -0.2, 0.9]]])
     joints, _ = ARMS.grasp(grippers)
@@ -319,44 +286,3 @@ def test_the_given_starts_and_goals_are_within_reach(authors_scenes: Path) -> No
     for scene, obstacles in zip(scenes, boxes, strict=True):
         joints, reached = ARMS.grasp(scene.goal.position + around)
         assert (reached & (ARMS.clearance(joints, [obstacles] * len(around)) >= CLEARANCE)).any(), scene.name
-
-
-def test_arms_of_ones_own() -> None:
-    found = subprocess.run([sys.executable, EXAMPLES / "own_arms.py"], capture_output=True, text=True, check=True)
-    first, second = found.stdout.splitlines()
-    assert ActionOutcome.TARGET.sentence in first
-    assert ActionOutcome.ARM_COLLISION.sentence in second
-
-
-def broken(old: str, new: str, folder: Path) -> Path:
-    text = (EXAMPLES / "own_arms.xml").read_text()
-    assert old in text
-    path = folder / "arms.xml"
-    path.write_text(text.replace(old, new))
-    return path
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "problem"),
-    [
-        ('name="home"', 'name="rest"', "keyframe 'home'"),
-        ('name="right_6" axis="0 0 1"', 'name="right_6" type="slide" axis="0 0 1"', "'right_6'"),
-        ('<joint name="left_6" axis="0 0 1"/>', "", "equal length"),
-        ('<geom fromto="0 0 0.16 0 0 0.24" size="0.008"/>', '<geom name="pad" type="box" size="1 1 1"/>', "'pad'"),
-        ("<worldbody>", "<world>", "arms.xml"),
-    ],
-)
-def test_a_wrong_model_is_refused_by_name(old: str, new: str, problem: str, tmp_path: Path) -> None:
-    text = broken(old, new, tmp_path)
-    if "left_6" in old:
-        text.write_text(text.read_text().replace("0 0.52 1.75 0.87 0 0  0", "0 0.52 1.75 0.87 0  0"))
-    with pytest.raises(FairleadError, match=problem):
-        Arms.from_mjcf(text, ("left_grip", "right_grip"), [1.0] * 6)
-
-
-def test_an_unknown_site_and_wrong_speeds_are_refused() -> None:
-    path = EXAMPLES / "own_arms.xml"
-    with pytest.raises(UnknownNameError, match="did you mean 'left_grip'"):
-        Arms.from_mjcf(path, ("left_gripp", "right_grip"), [1.0] * 6)
-    with pytest.raises(FairleadError, match="6 positive numbers"):
-        Arms.from_mjcf(path, ("left_grip", "right_grip"), [1.0] * 7)
