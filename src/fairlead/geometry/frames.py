@@ -21,12 +21,14 @@ def local_origin(layout: StateLayout, states: Float[np.ndarray, "*batch state"])
 def heading(
     layout: StateLayout, states: Float[np.ndarray, "*batch state"], actions: Float[np.ndarray, "*batch action"]
 ) -> Float[np.ndarray, "*batch 2"]:
-    """Unit vector in the horizontal plane along the displacement that an action asks for, summed over grippers.
+    """Unit vector in the horizontal plane that turns with the world: the local frame's first axis.
 
-    An action that asks for none has heading (1, 0).
+    One gripper: along the displacement that the action asks for. Several: from the first gripper to the last. (1, 0)
+    where that has no horizontal part.
     """
-    asked = actions - states[..., : layout.action_size]
-    flat = asked.reshape(*asked.shape[:-1], -1, 3)[..., :2].sum(axis=-2)
+    grippers = layout.grippers_of(states)
+    along = grippers[..., -1, :] - grippers[..., 0, :] if len(layout.grippers) > 1 else actions - grippers[..., 0, :]
+    flat = along[..., :2]
     length = np.linalg.norm(flat, axis=-1, keepdims=True)
     return np.where(length > 1e-9, flat / np.maximum(length, 1e-9), np.array([1.0, 0.0], dtype=flat.dtype))
 

@@ -38,8 +38,7 @@ class DynamicsConfig:
         hidden: hidden units of a layer (the paper's network: 1024).
         blocks: residual blocks of `chain`; `mlp` has none.
         members: networks in the ensemble.
-        planar: the object moves in a horizontal plane, and alike in every direction: heights are left alone, the
-            local frame is turned with the action, and half of the training examples are mirrored.
+        planar: the object moves in a horizontal plane: heights are left alone.
         stages: one-step predictions at a large batch first, then several steps at a smaller rate.
         patience: epochs without improvement after which a stage ends.
     """
@@ -80,19 +79,25 @@ class Ensemble(nn.Module):
         wanted = actions.unflatten(-1, (-1, 3)) - positions[:, :, :count]
         origin = positions[:, :, :count] if count == 1 else positions[:, :, count:].mean(2, keepdim=True)
         local = positions - origin
-        turn = self._turn(wanted)
+        turn = self._turn(positions, wanted)
         local, wanted = ((x[..., : self.axes] @ turn) / UNIT_M for x in (local, wanted))
         change = UNIT_M * self.network(local, wanted) @ turn.transpose(-1, -2)
         return states + nn.functional.pad(change, (0, 3 - self.axes)).flatten(2)
 
-    def _turn(self, wanted: Float[Tensor, "member batch gripper 3"]) -> Float[Tensor, "member batch axis axis"]:
-        """Columns are the local axes: in the plane, along the wanted displacement and to its left."""
-        if not self.planar:
-            return torch.eye(3).expand(*wanted.shape[:2], 3, 3)
-        asked = wanted[..., :2].sum(2).detach()
-        length = asked.norm(dim=-1, keepdim=True)
-        along = torch.where(length > 1e-6, asked / length.clamp_min(1e-6), torch.tensor([1.0, 0.0]))
-        return torch.stack([along, torch.stack([-along[..., 1], along[..., 0]], dim=-1)], dim=-1)
+    def _turn(
+        self, positions: Float[Tensor, "member batch position 3"], wanted: Float[Tensor, "member batch gripper 3"]
+    ) -> Float[Tensor, "member batch axis axis"]:
+        """Columns are the local axes, turned about the vertical as in `geometry.frames.heading`."""
+        count = wanted.shape[2]
+        along = (positions[:, :, count - 1] - positions[:, :, 0] if count > 1 else wanted[:, :, 0])[..., :2].detach()
+        length = along.norm(dim=-1, keepdim=True)
+        x, y = torch.where(length > 1e-6, along / length.clamp_min(1e-6), torch.tensor([1.0, 0.0])).unbind(-1)
+        turn = torch.stack([x, -y, y, x], dim=-1).unflatten(-1, (2, 2))
+        if self.planar:
+            return turn
+        upright = torch.eye(3).expand(*turn.shape[:2], 3, 3).clone()
+        upright[..., :2, :2] = turn
+        return upright
 
 
 @final
@@ -174,7 +179,7 @@ def train_dynamics(data: Splits, config: DynamicsConfig, job: Job) -> LearnedDyn
     module = Ensemble(data.layout, config, job.seed)
     dynamics = LearnedDynamics(module)
     task = RolloutTask(
-        module, lambda states, actions, _: module(states, actions), dynamics, data, config.members, config.planar
+        module, lambda states, actions, _: module(states, actions), dynamics, data, config.members, mirror=True
     )
     key = job.key("dynamics", config)
     fit(task, config.stages, job.seed, job.folder, key=key, patience=config.patience, title="dynamics")

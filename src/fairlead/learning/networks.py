@@ -65,10 +65,11 @@ class PaperMLP(DynamicsNetwork):
 
 @final
 class Chain(DynamicsNetwork):
-    """Knows that the rope is a chain: reads its links, predicts how they turn, and hangs them on the gripper.
+    """Knows that the rope is a chain: reads its links, predicts how they turn, and hangs them on what holds it.
 
-    The gripper goes to its target up to a residual. Points follow from the (last) gripper by summing the predicted
-    links, so a change near the gripper carries all that hangs on it. At first nothing turns: the rope is carried along.
+    Grippers go to their targets up to a residual. Behind one gripper points follow by summing the predicted links, so a
+    change near the gripper carries all that hangs on it. Between two, points are carried along by both, each by its
+    share, and then moved. At first nothing turns: the rope is carried along.
     """
 
     def __init__(self, shape: Shape, generator: torch.Generator) -> None:
@@ -77,6 +78,7 @@ class Chain(DynamicsNetwork):
         other = (shape.grippers - 1) * shape.axes
         inputs, outputs = links + other + moved, moved + links
         self.layers = ResidualStack(shape.members, inputs, shape.hidden, shape.blocks, outputs, generator)
+        self.share = torch.linspace(0, 1, shape.points)
 
     def forward(
         self,
@@ -91,7 +93,10 @@ class Chain(DynamicsNetwork):
         out = self.layers(torch.cat([2 * links.flatten(2), between.flatten(2), wanted.flatten(2)], dim=-1))
         moved = wanted + out[..., : wanted[0, 0].numel()].view_as(wanted)
         turned = out[..., wanted[0, 0].numel() :].view_as(links)
-        followed = moved[:, :, -1:] - turned.flip(2).cumsum(2).flip(2)
+        if grippers == 1:
+            followed = moved - turned.flip(2).cumsum(2).flip(2)
+        else:
+            followed = torch.lerp(moved[:, :, :1], moved[:, :, -1:], self.share[:, None]) + turned
         return torch.cat([moved, followed], dim=2)
 
 
