@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fairlead.core.errors import FairleadError, UnknownNameError
@@ -20,6 +21,22 @@ def test_arms_of_ones_own() -> None:
     first, second = found.stdout.splitlines()
     assert ActionOutcome.TARGET.sentence in first
     assert ActionOutcome.ARM_COLLISION.sentence in second
+
+
+def test_an_arm_stops_at_the_range_of_a_joint(tmp_path: Path) -> None:
+    path = broken('name="left_1" axis="0 0 1"', 'name="left_1" axis="0 0 1" range="-20 8"', tmp_path)
+    arms = Arms.from_mjcf(path, ("left_grip", "right_grip"), [2.0] * 6)
+    grippers = np.array([[[0.8, 0.35, 0.8], [0.8, -0.35, 0.8]]])
+    joints, reached = arms.grasp(grippers)
+    left = arms.follow(joints, grippers, grippers + np.array([[0, 0.2, 0], [0, 0, 0]]), [[]])
+    right = arms.follow(joints, grippers, grippers + np.array([[0, -0.2, 0], [0, 0, 0]]), [[]])
+    assert reached.all()
+    assert tuple(ActionOutcome)[left.outcomes[0]] is ActionOutcome.JOINT_LIMIT
+    assert 0 < left.reached[0] < 6
+    assert np.rad2deg(left.joints[0, : left.reached[0] + 1, 0, 0]).max() <= 8
+    assert np.rad2deg(left.joints[0, left.reached[0] + 1, 0, 0]) > 8
+    assert tuple(ActionOutcome)[right.outcomes[0]] is ActionOutcome.TARGET
+    assert not arms.grasp(grippers + np.array([[0, 0.2, 0], [0, 0, 0]]))[1].any()
 
 
 def broken(old: str, new: str, folder: Path) -> Path:

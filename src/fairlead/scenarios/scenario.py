@@ -17,6 +17,7 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.roles import Environment, Goal
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Obstacle
+from fairlead.scenarios.arms import Arms
 from fairlead.scenarios.render import SceneRenderer
 from fairlead.scenarios.scene_files import Scene, SceneSet, read_scenes
 from fairlead.scenarios.simulate import SimulatedWorld
@@ -31,6 +32,8 @@ class Scenario(ABC):
     unconstrained_sampler: RandomDisplacement
     rope_radius: float
     link_length: float
+    arms: Arms | None = None
+    """What carries the grippers, where something does: pictures show it."""
 
     @abstractmethod
     def environment(self, obstacles: Sequence[Obstacle]) -> Environment:
@@ -89,4 +92,6 @@ class Scenario(ABC):
     def renderer(self, scene: Scene, width: int = 800, height: int = 800) -> SceneRenderer:
         """Draws states of a scene."""
         goal = (scene.goal.position, scene.goal.radius)
-        return SceneRenderer(self.backdrop(), self.layout, self.rope_radius, scene.obstacles, goal, width, height)
+        return SceneRenderer(
+            self.backdrop(), self.layout, self.rope_radius, scene.obstacles, goal, width, height, self.arms
+        )
