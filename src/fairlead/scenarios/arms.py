@@ -68,7 +68,7 @@ class Arms:
         self.kinematics = Kinematics(model, sites)
         if "home" not in [model.key(i).name for i in range(model.nkey)]:
             raise FairleadError("the model of the arms needs a keyframe 'home'")
-        self.home = model.key("home").qpos[self.kinematics.joints][..., None]
+        self.home = model.key("home").qpos[model.jnt_qposadr[self.kinematics.joints]][..., None]
         self.speed_limits = np.asarray(speed_limits, float)
         if self.speed_limits.shape != (len(self.home),) or not (self.speed_limits > 0).all():
             raise FairleadError(f"speed_limits: {len(self.home)} positive numbers are needed, got {list(speed_limits)}")

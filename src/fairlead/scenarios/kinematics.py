@@ -121,7 +121,7 @@ class Kinematics:
         local[:, :, 0] = x * cosine + y * sine
         local[:, :, 1] = y * cosine - x * sine
         local[:, :, 2] = self._turns[:, :, 2]
-        turns = local
+        turns = local  # Each local turn is overwritten by the product up to it.
         for j in range(1, len(q)):
             before, step = turns[j - 1], local[j]
             turns[j] = before[:, 0, None] * step[0] + before[:, 1, None] * step[1] + before[:, 2, None] * step[2]
