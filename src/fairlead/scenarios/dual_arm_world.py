@@ -50,7 +50,7 @@ class Grippers:
     speed: float = 0.2
     stretch: float = 0.0032
     damping: float = 0.1
-    rest_speed: float = 0.002
+    rest_speed: float = 0.0015
     patience: float = 3.0
     substeps: int = 5
 
@@ -66,7 +66,7 @@ def build_spec(sizes: Sizes | None, rope: HangingRope) -> mujoco.MjSpec:
     spec = mujoco.MjSpec()
     spec.modelname = "dual_arm"
     base_options(spec)
-    spec.option.impratio = 10
+    spec.option.impratio = 50
     if sizes is not None:
         spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_BOX, size=np.array(TABLE.size) / 2,
                                 pos=TABLE.position, contype=OBSTACLE_BIT, conaffinity=0)  # fmt: skip
