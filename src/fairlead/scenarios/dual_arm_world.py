@@ -152,11 +152,6 @@ class DualArmWorld(SimulatedWorld):
     def steps(self) -> int:
         return self.simulation.steps
 
-    @property
-    def joints(self) -> Float[np.ndarray, "batch arm joint"]:
-        """Postures of the arms [rad]; without arms there are none."""
-        return self._joints.copy()
-
     def observe(self) -> Float[np.ndarray, "batch state"]:
         return self._observe(np.arange(len(self._clock), dtype=np.int32))
 
