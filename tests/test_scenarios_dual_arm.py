@@ -18,6 +18,7 @@ from fairlead.data.verify import verify
 from fairlead.geometry.shapes import Box, Obstacle, box_distance
 from fairlead.scenarios.dual_arm import OBSTACLES, DualArm
 from fairlead.scenarios.dual_arm_world import LAYOUT, TABLE, DualArmWorld, Grippers, build_spec
+from fairlead.scenarios.generate import generate
 from fairlead.scenarios.hanging_rope import HangingRope
 from fairlead.scenarios.obstacles import box_sizes
 
@@ -283,8 +284,7 @@ def test_collected_data_pass_verification_and_threads_change_no_byte(tmp_path: P
 
 
 def test_random_scenes_are_like_the_papers() -> None:
-    scene = DUAL.random_scene(stream(13, "random"), "random")
-    DUAL.validate(scene)
+    (scene,) = generate(DUAL, "random", 1, seed=13)
     assert box_sizes(scene.obstacles) == box_sizes(OBSTACLES)
     assert not DUAL.goal(scene).reached(scene.state(LAYOUT))
     assert DUAL.simulate([scene.obstacles], scene.state(LAYOUT)[None]).residual[0] < 0.002

@@ -158,10 +158,7 @@ class DualArm(Scenario):
             name: tuple(at.tolist()) for name, at in zip(LAYOUT.grippers, LAYOUT.grippers_of(state), strict=True)
         }
         rope = tuple(map(tuple, LAYOUT.points_of(state).tolist()))
-        scene = Scene(name, obstacles, grippers, rope, self.random_goal(obstacles, rng))
-        while self.goal(scene).reached(state):
-            scene = Scene(name, obstacles, grippers, rope, self.random_goal(obstacles, rng))
-        return scene
+        return Scene(name, obstacles, grippers, rope, self.random_goal(obstacles, rng))
 
     def validate(self, scene: Scene) -> None:
         """A goal inside an obstacle, or a rope inside one or too short for its grippers, is an error that names it."""
