@@ -155,7 +155,7 @@ class DualArm(Scenario):
         (obstacles,), (state,) = self.rearrange(np.empty((1, 0)), [rng])
         state = state.round(5)
         grippers = {
-            name: tuple(at.tolist()) for name, at in zip(LAYOUT.grippers, LAYOUT.grippers_of(state), strict=True)
+            side: tuple(at.tolist()) for side, at in zip(LAYOUT.grippers, LAYOUT.grippers_of(state), strict=True)
         }
         rope = tuple(map(tuple, LAYOUT.points_of(state).tolist()))
         return Scene(name, obstacles, grippers, rope, self.random_goal(obstacles, rng))
