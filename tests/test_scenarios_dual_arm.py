@@ -109,6 +109,19 @@ def test_joint_positions_lay_the_rope_along_its_own_points() -> None:
     assert gap.max() < 0.002
 
 
+@pytest.mark.parametrize("roll", [0.0, 0.8, 1.6, 2.4])
+def test_a_sharp_fold_can_be_laid_at_any_roll(roll: float) -> None:
+    """A bend of 140 degrees beside the middle link, in planes all around it."""
+    across = np.array([0.0, np.cos(roll), np.sin(roll)])
+    u = np.tile([1.0, 0.0, 0.0], (ROPE.links, 1))
+    u[ROPE.middle + 1 :] = np.cos(np.radians(140)) * u[0] + np.sin(np.radians(140)) * across
+    points = ROPE.centre_weights @ u + [0.0, 0.0, 3.0]
+    ends = np.stack([[0.0, 0.0, 3.0], points[-1] + u[-1] * ROPE.link_length / 2])
+    world = _world(None, _held((0.7, 0.3, 1.2), (0.8, -0.2, 1.1))[None])
+    world.simulation.qpos[:] = ROPE.joint_positions(ends[None], points[None])
+    np.testing.assert_allclose(LAYOUT.points_of(world.observe())[0], points, atol=0.004)
+
+
 def test_pulled_down_onto_a_bar_the_rope_neither_sinks_in_nor_tunnels_and_holds() -> None:
     """The grippers pass below the bar on both sides; the rope hangs over it and stays on it when pulled sideways."""
     state = _held((0.8, 0.25, 1.25), (0.8, -0.25, 1.25))

@@ -35,7 +35,7 @@ class HangingRope:
         link_mass: [kg].
         damping: of each hinge [N m s / rad].
         armature: inertia added to each hinge [kg m^2]; it keeps a taut rope stable.
-        bend_limit: of each hinge [rad].
+        bend_limit: of the second hinge of a pair [rad]; at a quarter turn the pair locks. The first has none.
         friction: sliding [1], torsional [m] and rolling [m] friction coefficients.
     """
 
@@ -45,13 +45,13 @@ class HangingRope:
     link_mass: float = 0.2
     damping: float = 0.01
     armature: float = 2e-4
-    bend_limit: float = float(np.radians(80))
+    bend_limit: float = float(np.radians(85))
     friction: tuple[float, float, float] = (1.0, 0.01, 0.01)
 
     def __post_init__(self) -> None:
         if self.links < 3 or self.links % 2 == 0:
             raise FairleadError(f"links {self.links}: an odd number of at least 3 is needed")
-        if min(self.link_length, self.radius, self.link_mass, self.bend_limit, self.damping) <= 0:
+        if min(self.link_length, self.radius, self.link_mass, self.damping, self.bend_limit) <= 0:
             raise FairleadError("a rope has positive lengths, mass, damping and bend limit")
 
     @property
@@ -77,7 +77,7 @@ class HangingRope:
                 body = parent.add_body(name=f"link{i}", pos=[sign * (half if k == 1 else 2 * half), 0, 0])
                 for axis, direction in (("y", [0, 1, 0]), ("z", [0, 0, 1])):
                     body.add_joint(name=f"{axis}{i}", axis=direction, damping=self.damping, armature=self.armature,
-                                   limited=True, range=[-self.bend_limit, self.bend_limit])  # fmt: skip
+                                   limited=axis == "z", range=[-self.bend_limit, self.bend_limit])  # fmt: skip
                 self._add_link(body, i, sign * half)
                 parent = body
             end = parent.add_site(name=f"{side}_end", pos=[2 * sign * half, 0, 0])
@@ -172,7 +172,7 @@ class HangingRope:
             for k in range(1, m + 1):
                 d = np.einsum("bij,bi->bj", frame, u[:, m + sign * k])
                 a, b = np.arctan2(-d[:, 2], d[:, 0]), np.arcsin(np.clip(d[:, 1], -1.0, 1.0))
-                a, b = np.clip(a, -self.bend_limit, self.bend_limit), np.clip(b, -self.bend_limit, self.bend_limit)
+                b = np.clip(b, -self.bend_limit, self.bend_limit)
                 parts.append(np.stack([a, b], axis=1))
                 frame = frame @ _bend(a, b)
         return np.concatenate(parts, axis=1)
