@@ -29,7 +29,8 @@ class SdfTrust(TrustNetwork):
     """Standardised features -> two hidden layers -> logit.
 
     An encoding holds distance [m] and gradient at each position of a state, in the world frame. Vectors are turned into
-    a frame along the action where the scenario is planar; distances beyond `FAR_M` are all alike.
+    the local frame; distances beyond `FAR_M` are all alike. Where the scenario is not planar, the place and the heading
+    of that frame in the world are features too: arms do not reach everywhere.
     """
 
     mean: Tensor
@@ -41,7 +42,7 @@ class SdfTrust(TrustNetwork):
         positions, grippers = layout.state_size // 3, len(layout.grippers)
         axes = 2 if config.planar else 3
         self._vectors = (4 * positions + grippers) * axes
-        size = self._vectors + 2 * positions + 1
+        size = self._vectors + 2 * positions + 1 + (0 if config.planar else 5)
         self.register_buffer("mean", torch.zeros(size))
         self.register_buffer("scale", torch.ones(size))
         self.layers = nn.Sequential(
@@ -114,8 +115,13 @@ class SdfTrust(TrustNetwork):
         vectors = np.concatenate(
             [(before - origin) / UNIT_M, (after - before) / UNIT_M, asked / UNIT_M, slopes], axis=1, dtype=np.float32
         )
-        if self.planar:
-            vectors = turn_into(heading(self.layout, t.states, t.actions), vectors[..., :2])
+        along = heading(self.layout, t.states, t.actions)
+        turned = [turn_into(along, vectors[..., :2])]
+        if not self.planar:
+            turned.append(vectors[..., 2:])
         distances = np.clip(field[..., 0], -FAR_M, FAR_M).reshape(batch, -1) / UNIT_M
         doubt = np.log(np.maximum(t.spread, 1e-6))[:, None]
-        return np.concatenate([vectors.reshape(batch, -1), distances, doubt], axis=1, dtype=np.float32)
+        features = [np.concatenate(turned, axis=-1).reshape(batch, -1), distances, doubt]
+        if not self.planar:
+            features += [origin[:, 0], along]
+        return np.concatenate(features, axis=1, dtype=np.float32)
