@@ -86,6 +86,7 @@ class FakeScenario(Scenario):
     name = "fake"
     layout = LAYOUT
     rope_radius, link_length = 0.01, LINK
+    paper_data = (64, 10), (16, 50)
 
     def __init__(self, fragile: float = 0.0) -> None:
         self.fragile = fragile

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -23,9 +23,9 @@ class Command:
     out: Path
     """Folder of the dataset."""
     trajectories: int | None = None
-    """How many; the paper's number by default (6144 in phase 1, 2048 in phase 2)."""
+    """How many; the paper's number by default."""
     steps: int = 0
-    """Actions in a trajectory; 0 for the paper's (10 in phase 1, 50 in phase 2)."""
+    """Actions in a trajectory; 0 for the paper's."""
     lanes: int = 64
     """Chains of trajectories that run side by side; at least eight for all three splits."""
     seed: int = 0
@@ -37,13 +37,14 @@ class Command:
 
     def run(self) -> None:
         """Collect, with a progress bar, and print what was recorded."""
-        from fairlead.data.collect import PAPER_TRAJECTORIES, CollectConfig, collect
+        from fairlead.data.collect import CollectConfig, collect
         from fairlead.data.verify import info
         from fairlead.scenarios.registry import scenario
 
         world = scenario(self.scenario)
-        count = PAPER_TRAJECTORIES.get(self.phase, 1) if self.trajectories is None else self.trajectories
-        config = CollectConfig(self.phase, count, self.seed, self.lanes, self.steps)
+        config = CollectConfig(self.phase, 1, self.seed, self.lanes, self.steps)
+        count = world.paper_data[self.phase - 1][0] if self.trajectories is None else self.trajectories
+        config = replace(config, trajectories=count)
         total = count * config.resolved(world)["steps"]
         with progress_bar(f"{self.scenario} phase {self.phase}", total, "transitions") as advance:
             collect(world, config, self.out, self.threads, advance)

@@ -50,7 +50,7 @@ class Command:
         """Train, and print the metrics."""
         from fairlead.core.artifacts import read_json
         from fairlead.learning.registry import use_threads
-        from fairlead.learning.trust_network import COARSE_GRID, PAPER_GRID
+        from fairlead.learning.trust_network import COARSE_GRID, COARSE_GRID_3D, PAPER_GRID, PAPER_GRID_3D
         from fairlead.reproduce import stages
         from fairlead.reproduce.presets import preset
         from fairlead.scenarios.registry import scenario
@@ -58,7 +58,12 @@ class Command:
         self._check()
         use_threads(self.threads)
         world = scenario(self.scenario)
-        sizes, grids = preset(world.name, self.preset), {"coarse": COARSE_GRID, "paper": PAPER_GRID}
+        sizes = preset(world.name, self.preset)
+        planar = sizes.trust.planar
+        grids = {
+            "coarse": COARSE_GRID if planar else COARSE_GRID_3D,
+            "paper": PAPER_GRID if planar else PAPER_GRID_3D,
+        }
         grid = {} if self.grid is None else {"grid": grids[self.grid]}
         if self.model == "dynamics":
             wide = {"network": "mlp", "hidden": 1024, "planar": False} if self.network == "mlp" else {}

@@ -26,7 +26,6 @@ from fairlead.data.store import Obstacles
 from fairlead.scenarios.scenario import Scenario
 from fairlead.scenarios.simulate import SimulatedWorld
 
-PAPER_STEPS, PAPER_TRAJECTORIES = {1: 10, 2: 50}, {1: 6144, 2: 2048}
 _REACHED, _DIVERGED = map(tuple(ActionOutcome).index, (ActionOutcome.TARGET, ActionOutcome.DIVERGED))
 
 
@@ -39,7 +38,7 @@ class CollectConfig:
         trajectories: how many; those that diverge are dropped.
         seed: of every random stream.
         lanes: chains of trajectories that run side by side.
-        steps: actions in a trajectory; 0 for the paper's (10 in phase 1, 50 in phase 2).
+        steps: actions in a trajectory; 0 for the paper's.
         obstacles_every: obstacles move after this many trajectories of a lane.
     """
 
@@ -51,7 +50,7 @@ class CollectConfig:
     obstacles_every: int = 8
 
     def __post_init__(self) -> None:
-        if self.phase not in PAPER_STEPS:
+        if self.phase not in (1, 2):
             raise FairleadError(f"phase {self.phase}: 1 (no obstacles) or 2 (obstacles) is needed")
         for name in ("trajectories", "lanes", "obstacles_every"):
             if getattr(self, name) < 1:
@@ -67,7 +66,7 @@ class CollectConfig:
             "grippers": list(scenario.layout.grippers),
             "points": scenario.layout.points,
             "lanes": min(self.lanes, self.trajectories),
-            "steps": self.steps or PAPER_STEPS[self.phase],
+            "steps": self.steps or scenario.paper_data[self.phase - 1][1],
         }
 
 

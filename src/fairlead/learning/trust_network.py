@@ -21,8 +21,9 @@ from fairlead.learning.labels import RULES, Examples
 Inputs = Callable[[Int[np.ndarray, " row"]], tuple[Tensor, ...]]
 
 NETWORKS = ("sdf", "voxel")
-PAPER_GRID = VoxelGrid((100, 100, 4), 0.01)
-COARSE_GRID = VoxelGrid((50, 50, 1), 0.02)
+PAPER_GRID, PAPER_GRID_3D = VoxelGrid((100, 100, 4), 0.01), VoxelGrid((40, 40, 40), 0.02, 2000.0)
+COARSE_GRID, COARSE_GRID_3D = VoxelGrid((50, 50, 1), 0.02), VoxelGrid((22, 22, 22), 0.04, 500.0)
+"""Of dragging, and of the dual arm: the paper's, and coarse ones that are fast on a CPU."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class TrustConfig:
         augment: a planar network also learns from mirrored examples (`sdf`), or mirrored and turned by quarters
             (`voxel`, whose arena must be symmetric about the origin). Not in the paper: Mitrano and Berenson, 2022.
         hidden: hidden units.
-        grid: the voxels (`voxel` only); the paper's for dragging is `PAPER_GRID`, the coarse one is fast on a CPU.
+        grid: the voxels (`voxel` only).
         rule: a name in `labels.RULES`.
         limit: most training examples; a uniform sample beyond it.
         stages: minibatches are half reliable, half not.

@@ -10,7 +10,7 @@ from fairlead.learning.dynamics import DynamicsConfig
 from fairlead.learning.fit import Stage
 from fairlead.learning.full_dynamics import FullDynamicsConfig
 from fairlead.learning.recovery import RecoveryConfig
-from fairlead.learning.trust_network import TrustConfig
+from fairlead.learning.trust_network import COARSE_GRID_3D, TrustConfig
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Preset:
     Args:
         phase1, phase2: trajectories recorded for the dynamics, and for trust and recovery.
         full: trajectories of phase 2 recorded for the full dynamics, as many transitions as both phases together.
-        steps2: actions in a trajectory of phase 2.
+        steps2: actions in a trajectory of phase 2; 0 for the paper's.
         dynamics, full_dynamics, trust, trust_sdf, recovery: of the models.
         methods: what is tried, the first compared with the others.
         budget: of each trial.
@@ -40,7 +40,7 @@ class Preset:
     recovery: RecoveryConfig
     methods: tuple[str, ...]
     budget: Budget = field(default_factory=lambda: Budget(seconds=60))
-    steps2: int = 50
+    steps2: int = 0
     scenes: int | None = None
     seeds: tuple[int, ...] = (0,)
     traced: int = 3
@@ -65,8 +65,8 @@ _DESK = Preset(
     dynamics=DynamicsConfig(stages=(Stage(40, 128, 2e-3), Stage(3, 128, 5e-4, 4))),
     full_dynamics=FullDynamicsConfig(stages=(Stage(6, 64), Stage(1, 64, 3e-4, 4))),
     trust=TrustConfig("voxel", hidden=128, limit=12_000, stages=(Stage(4, 64),)),
-    trust_sdf=TrustConfig("sdf", limit=100_000, stages=(Stage(8, 256),)),
-    recovery=RecoveryConfig(limit=3000),
+    trust_sdf=TrustConfig("sdf", limit=100_000, stages=(Stage(4, 256),)),
+    recovery=RecoveryConfig(limit=8000),
     methods=("trust", "trust+recovery", "trust-sdf", "accept-all", "full-dynamics", "collision-check",
              "spread-threshold"),
     scenes=16,
@@ -75,14 +75,49 @@ _DESK = Preset(
 _PAPER = Preset(
     phase1=6144, phase2=2048, full=3277,
     dynamics=DynamicsConfig(stages=(Stage(40, 128, 2e-3), Stage(10, 128, 5e-4, 4))),
-    full_dynamics=FullDynamicsConfig(stages=(Stage(40, 64), Stage(10, 64, 3e-4, 4))),
+    full_dynamics=FullDynamicsConfig(stages=(Stage(8, 64), Stage(1, 64, 3e-4, 4))),
     trust=TrustConfig("voxel", hidden=128, limit=60_000, stages=(Stage(8, 64),)),
-    trust_sdf=TrustConfig("sdf", limit=400_000, stages=(Stage(12, 256),)),
+    trust_sdf=TrustConfig("sdf", limit=400_000, stages=(Stage(6, 512),)),
     recovery=RecoveryConfig(limit=20_000),
     methods=LEARNED, budget=Budget(seconds=180),
 )  # fmt: skip
 
-PRESETS: dict[str, dict[str, Preset]] = {"dragging": {"smoke": _SMOKE, "desk": _DESK, "paper": _PAPER}}
+_DUAL_SMOKE = Preset(
+    phase1=32, phase2=32, full=16, steps2=4,
+    dynamics=DynamicsConfig(hidden=32, blocks=1, planar=False, stages=(Stage(4, 64), Stage(2, 64, 3e-4, 4))),
+    full_dynamics=FullDynamicsConfig(hidden=32, planar=False, grid=COARSE_GRID_3D, stages=(Stage(1, 32),)),
+    trust=TrustConfig("voxel", planar=False, hidden=16, grid=COARSE_GRID_3D, limit=64, stages=(Stage(1, 32),)),
+    trust_sdf=TrustConfig("sdf", planar=False, hidden=32, limit=500, stages=(Stage(2, 64),)),
+    recovery=RecoveryConfig(samples=4, hidden=16, limit=16, stages=(Stage(1, 32),)),
+    methods=LEARNED, budget=Budget(extensions=200), scenes=1, traced=1, videos=False,
+)  # fmt: skip
+
+_DUAL_DESK = Preset(
+    phase1=1024, phase2=512, full=768,
+    dynamics=DynamicsConfig(planar=False, stages=(Stage(40, 128, 2e-3), Stage(4, 128, 5e-4, 4))),
+    full_dynamics=FullDynamicsConfig(planar=False, grid=COARSE_GRID_3D, stages=(Stage(3, 64),)),
+    trust=TrustConfig("voxel", planar=False, hidden=128, grid=COARSE_GRID_3D, limit=8000, stages=(Stage(3, 64),)),
+    trust_sdf=TrustConfig("sdf", planar=False, limit=100_000, stages=(Stage(6, 256),)),
+    recovery=RecoveryConfig(limit=1500),
+    methods=("trust+recovery", "trust+random-recovery", "trust", "trust-sdf+recovery", "accept-all", "full-dynamics",
+             "collision-check", "spread-threshold"),
+    scenes=16,
+)  # fmt: skip
+
+_DUAL_PAPER = Preset(
+    phase1=2048, phase2=5996, full=7020,
+    dynamics=DynamicsConfig(planar=False, stages=(Stage(80, 128, 2e-3), Stage(10, 128, 5e-4, 4))),
+    full_dynamics=FullDynamicsConfig(planar=False, grid=COARSE_GRID_3D, stages=(Stage(8, 64), Stage(1, 64, 3e-4, 4))),
+    trust=TrustConfig("voxel", planar=False, hidden=128, grid=COARSE_GRID_3D, limit=60_000, stages=(Stage(8, 64),)),
+    trust_sdf=TrustConfig("sdf", planar=False, limit=400_000, stages=(Stage(6, 512),)),
+    recovery=RecoveryConfig(limit=20_000),
+    methods=_DUAL_DESK.methods, budget=Budget(seconds=180),
+)  # fmt: skip
+
+PRESETS: dict[str, dict[str, Preset]] = {
+    "dragging": {"smoke": _SMOKE, "desk": _DESK, "paper": _PAPER},
+    "dual_arm": {"smoke": _DUAL_SMOKE, "desk": _DUAL_DESK, "paper": _DUAL_PAPER},
+}
 
 
 def preset(scenario: str, name: str) -> Preset:

@@ -40,6 +40,7 @@ class Dragging(Scenario):
 
     name = "dragging"
     layout = LAYOUT
+    paper_data = (6144, 10), (2048, 50)
 
     def __init__(self, rope: PlanarRope | None = None, gripper: Gripper | None = None) -> None:
         self.rope, self.gripper = rope or PlanarRope(), gripper or Gripper()

@@ -56,6 +56,7 @@ class DualArm(Scenario):
 
     name = "dual_arm"
     layout = LAYOUT
+    paper_data = (2048, 10), (5996, 20)
 
     def __init__(self, rope: HangingRope | None = None, motion: Grippers | None = None) -> None:
         self.rope, self.motion, self.arms = rope or HangingRope(), motion or Grippers(), dual_iiwa()

@@ -32,6 +32,8 @@ class Scenario(ABC):
     unconstrained_sampler: RandomDisplacement
     rope_radius: float
     link_length: float
+    paper_data: tuple[tuple[int, int], tuple[int, int]]
+    """Trajectories, and actions in each, that the paper recorded: in phase 1, in phase 2."""
     arms: Arms | None = None
     """What carries the grippers, where something does: pictures show it."""
 
