@@ -93,7 +93,7 @@ _DUAL_SMOKE = Preset(
 )  # fmt: skip
 
 _DUAL_DESK = Preset(
-    phase1=1024, phase2=512, full=768,
+    phase1=2048, phase2=512, full=512,
     dynamics=DynamicsConfig(planar=False, stages=(Stage(40, 128, 2e-3), Stage(4, 128, 5e-4, 4))),
     full_dynamics=FullDynamicsConfig(planar=False, grid=COARSE_GRID_3D, stages=(Stage(3, 64),)),
     trust=TrustConfig("voxel", planar=False, hidden=128, grid=COARSE_GRID_3D, limit=8000, stages=(Stage(3, 64),)),
