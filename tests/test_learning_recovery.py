@@ -153,7 +153,7 @@ def test_training_learns_which_way_out_saves_and_loads(network: str, tmp_path: P
         encode = SideCheck(0.3).encode
         probability = SideCheck(0.3).probability
 
-    policy = train_recovery(DYNAMICS, Both(), SAMPLER, data, settings, Job(tmp_path, "toy"))  # type: ignore[arg-type]
+    policy = train_recovery(DYNAMICS, Both(), Both(), SAMPLER, data, settings, Job(tmp_path, "toy"))  # type: ignore[arg-type]
     metrics = json.loads((tmp_path / "metrics.json").read_text())
     assert metrics["trained"]
     environment = BoxEnvironment([], BOUNDS)
@@ -176,7 +176,7 @@ def test_nothing_to_learn_from_gives_random_actions_and_says_so(tmp_path: Path) 
         encode = SideCheck(-9).encode
         probability = SideCheck(-9).probability
 
-    train_recovery(DYNAMICS, Free(), SAMPLER, data, CONFIG, Job(tmp_path, "toy"))  # type: ignore[arg-type]
+    train_recovery(DYNAMICS, Free(), Free(), SAMPLER, data, CONFIG, Job(tmp_path, "toy"))  # type: ignore[arg-type]
     assert "acts at random" in (tmp_path / "card.md").read_text()
     assert json.loads((tmp_path / "metrics.json").read_text())["train"]["stuck"] == 0
     policy = load_recovery(tmp_path, "toy", SAMPLER)

@@ -15,6 +15,7 @@ from fairlead.core.roles import Dynamics, RecoveryPolicy, TransitionCheck
 from fairlead.learning.registry import load_check, load_dynamics, load_full_dynamics, load_recovery
 from fairlead.planning.checks import AcceptAll, CollisionCheck, SpreadThreshold
 from fairlead.planning.recovery import NoRecovery, RandomRecovery
+from fairlead.scenarios.arms_check import within_reach
 from fairlead.scenarios.oracle import SimulatorDynamics
 from fairlead.scenarios.scenario import Scenario
 from fairlead.scenarios.scene_files import Scene
@@ -94,12 +95,17 @@ DYNAMICS: dict[str, Callable[[Models], Dynamics]] = {
 
 CHECKS: dict[str, Callable[[Models], TransitionCheck]] = {
     "accept-all": lambda models: AcceptAll(),
-    "collision": lambda models: CollisionCheck(models.scenario.layout, models.scenario.rope_radius),
+    "collision": lambda models: within_reach(
+        CollisionCheck(models.scenario.layout, models.scenario.rope_radius), models.scenario
+    ),
     "spread": lambda models: SpreadThreshold(models.spread_threshold_m),
-    "trust": lambda models: load_check(models.folder_of("trust"), models.scenario.name),
-    "trust-sdf": lambda models: load_check(models.folder_of("trust-sdf"), models.scenario.name),
+    "trust": lambda models: _trust(models, "trust"),
+    "trust-sdf": lambda models: _trust(models, "trust-sdf"),
 }
-"""Others come by entry points in `fairlead.checks`: a function of the models."""
+"""Others come by entry points in `fairlead.checks`: a function of the models.
+
+The classifiers and the collision check know what the scenario's arms can do; the others know no geometry at all.
+"""
 
 RECOVERIES: dict[str, Callable[[Models], RecoveryPolicy]] = {
     "none": lambda models: NoRecovery(),
@@ -107,6 +113,10 @@ RECOVERIES: dict[str, Callable[[Models], RecoveryPolicy]] = {
     "learned": lambda models: _recovery(models, "recovery"),
     "learned-sdf": lambda models: _recovery(models, "recovery-sdf"),
 }
+
+
+def _trust(models: Models, name: str) -> TransitionCheck:
+    return within_reach(load_check(models.folder_of(name), models.scenario.name), models.scenario)
 
 
 def _recovery(models: Models, name: str) -> RecoveryPolicy:

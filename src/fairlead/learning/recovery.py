@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from fairlead.core.errors import FairleadError
 from fairlead.core.records import Trajectories
-from fairlead.core.roles import ActionSampler, Dynamics, Environment, RecoveryPolicy
+from fairlead.core.roles import ActionSampler, Dynamics, Environment, RecoveryPolicy, TransitionCheck
 from fairlead.core.streams import stream, stream_seed
 from fairlead.geometry.frames import local_origin
 from fairlead.learning.fit import Stage, Task, fit
@@ -165,14 +165,24 @@ class LearnedRecovery(RecoveryPolicy):
 
 
 def train_recovery(
-    dynamics: Dynamics, check: LearnedCheck, sampler: ActionSampler, data: Splits, config: RecoveryConfig, job: Job
+    dynamics: Dynamics,
+    check: LearnedCheck,
+    trusted: TransitionCheck,
+    sampler: ActionSampler,
+    data: Splits,
+    config: RecoveryConfig,
+    job: Job,
 ) -> LearnedRecovery:
-    """Find stuck states in phase 2 data, learn which actions lead out of them, and save that."""
+    """Find stuck states in phase 2 data, learn which actions lead out of them, and save that.
+
+    `trusted` is what planning asks, and says which states are stuck: `check`, perhaps with something on top of it. The
+    features of a state are those of `check`.
+    """
     started, trust = time.monotonic(), check.network
     found: dict[str, RecoveryExamples] = {}
     for name in ("train", "validation", "test"):
         split, rng = getattr(data, name), stream(job.seed, "recovery", name)
-        found[name] = recovery_examples(dynamics, check, sampler, split, config.samples, config.limit, rng)
+        found[name] = recovery_examples(dynamics, trusted, sampler, split, config.samples, config.limit, rng)
     metrics: dict[str, Any] = {"trained": len(found["train"]) >= ENOUGH and len(found["validation"]) > 0}
     metrics |= {name: examples.counts() for name, examples in found.items()}
     head = None

@@ -19,6 +19,7 @@ from fairlead.learning.registry import load_check, load_delta, load_dynamics
 from fairlead.learning.rollout import Splits
 from fairlead.learning.trust import train_trust, trust_config_from
 from fairlead.learning.trust_network import TrustConfig
+from fairlead.scenarios.arms_check import within_reach
 from fairlead.scenarios.scenario import Scenario
 
 CONTACT_M = 0.005
@@ -107,7 +108,8 @@ def recovery(
 
     def train(job: Job) -> None:
         model, check = load_dynamics(dynamics, scenario.name), load_check(trust, scenario.name)
-        train_recovery(model, check, scenario.sampler, splits(data, scenario.name, 2), config, job)
+        trusted = within_reach(check, scenario)
+        train_recovery(model, check, trusted, scenario.sampler, splits(data, scenario.name, 2), config, job)
 
     _model(scenario, out, config, {"data": data, "dynamics": dynamics, "trust": trust}, seed, train)
 

@@ -13,8 +13,14 @@ from fairlead.core.records import ActionOutcome, Transitions
 from fairlead.core.roles import Environment, TransitionCheck
 from fairlead.geometry.fields import BoxEnvironment
 from fairlead.scenarios.arms import Arms
+from fairlead.scenarios.scenario import Scenario
 
 _TARGET = tuple(ActionOutcome).index(ActionOutcome.TARGET)
+
+
+def within_reach(check: TransitionCheck, scenario: Scenario) -> TransitionCheck:
+    """The check and what the scenario's arms can do; the check alone where there are no arms."""
+    return check if scenario.arms is None else ArmsCheck(check, scenario.layout, scenario.arms)
 
 
 @final
