@@ -21,22 +21,26 @@ from fairlead.scenarios.scenario import Scenario
 
 @dataclass(frozen=True)
 class Recorded:
-    """A simulation as it was after it was made, and the controls of its steps until a copy had its trajectory done."""
+    """A simulation as it was after it was made, and what drove its steps until a copy had its trajectory done.
+
+    What drives a step: the controls, and the positions of the bodies that are moved.
+    """
 
     simulation: Any
     qpos: np.ndarray
     qvel: np.ndarray
-    controls: np.ndarray
+    driven: list[tuple[np.ndarray, np.ndarray]]
 
     def bare_rate(self) -> float:
-        """Steps a second of `Batch.step` alone, all simulations at once, with the recorded controls."""
+        """Steps a second of `Batch.step` alone, all simulations at once, driven as recorded."""
         simulation, everyone = self.simulation, np.arange(len(self.qpos), dtype=np.int32)
+        moved = simulation.batch.bind("mocap_pos")
         simulation.qpos[:], simulation.qvel[:] = self.qpos, self.qvel
         begun = time.perf_counter()
-        for control in self.controls:
-            simulation.ctrl[:] = control
+        for control, position in self.driven:
+            simulation.ctrl[:], moved[:] = control, position
             simulation.batch.step(everyone, 1)
-        return len(self.qpos) * len(self.controls) / (time.perf_counter() - begun)
+        return len(self.qpos) * len(self.driven) / (time.perf_counter() - begun)
 
 
 class _Enough(Exception):
@@ -57,19 +61,20 @@ def _first_shard(scenario: Scenario, config: CollectConfig, threads: int, folder
 
 
 def record(scenario: Scenario, config: CollectConfig, threads: int, begun: Path) -> Recorded:
-    """Collect the second shard and note the controls while all copies step: bare steps then do the same physics."""
-    simulate, made, controls = scenario.simulate, [], []
+    """Collect the second shard and note what drives it while all copies step: bare steps then do the same physics."""
+    simulate, made, driven = scenario.simulate, [], []
     everyone = [True]
 
     def watched(*arguments: Any) -> Any:
         world: Any = simulate(*arguments)
         simulation, step = world.simulation, world.simulation.step
+        moved = simulation.batch.bind("mocap_pos")
         made.append((simulation, simulation.qpos.copy(), simulation.qvel.copy()))
 
         def noting(ids: np.ndarray, count: int = 1) -> None:
             everyone[0] &= len(ids) == config.lanes
             if everyone[0]:
-                controls.append(simulation.ctrl.copy())
+                driven.append((simulation.ctrl.copy(), moved.copy()))
             step(ids, count)
 
         simulation.step = noting
@@ -80,7 +85,7 @@ def record(scenario: Scenario, config: CollectConfig, threads: int, begun: Path)
         second_shard(scenario, config, threads, begun)
     finally:
         scenario.simulate = simulate
-    return Recorded(*made[0], np.stack(controls))
+    return Recorded(*made[0], driven)
 
 
 def second_shard(scenario: Scenario, config: CollectConfig, threads: int, begun: Path) -> float:

@@ -76,7 +76,7 @@ _PAPER = Preset(
     phase1=6144, phase2=2048, full=3277,
     dynamics=DynamicsConfig(stages=(Stage(40, 128, 2e-3), Stage(10, 128, 5e-4, 4))),
     full_dynamics=FullDynamicsConfig(stages=(Stage(8, 64), Stage(1, 64, 3e-4, 4))),
-    trust=TrustConfig("voxel", hidden=128, limit=60_000, stages=(Stage(8, 64),)),
+    trust=TrustConfig("voxel", hidden=128, limit=50_000, stages=(Stage(4, 64),)),
     trust_sdf=TrustConfig("sdf", limit=400_000, stages=(Stage(6, 512),)),
     recovery=RecoveryConfig(limit=20_000),
     methods=LEARNED, budget=Budget(seconds=180),
