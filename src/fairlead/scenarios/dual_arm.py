@@ -154,6 +154,12 @@ class DualArm(Scenario):
     def random_scene(self, rng: np.random.Generator, name: str) -> Scene:
         """As the authors made theirs: obstacles, a rope grasped above them and carried to a random pose, a goal."""
         (obstacles,), (state,) = self.rearrange(np.empty((1, 0)), [rng])
+        return self.scene(name, obstacles, state, rng)
+
+    def scene(
+        self, name: str, obstacles: tuple[Obstacle, ...], state: Float[np.ndarray, " state"], rng: np.random.Generator
+    ) -> Scene:
+        """A scene that starts in `state`, with a random goal."""
         state = state.round(5)
         grippers = {
             side: tuple(at.tolist()) for side, at in zip(LAYOUT.grippers, LAYOUT.grippers_of(state), strict=True)

@@ -8,8 +8,9 @@ import numpy as np
 
 from fairlead.core.errors import FairleadError, SamplingError
 from fairlead.core.streams import stream
+from fairlead.scenarios import dragging_hard, dual_arm_hard
 from fairlead.scenarios.dragging import Dragging
-from fairlead.scenarios.dragging_hard import KINDS, hard_scene
+from fairlead.scenarios.dual_arm import DualArm
 from fairlead.scenarios.scenario import Scenario
 from fairlead.scenarios.scene_files import Scene
 
@@ -52,7 +53,8 @@ def _unsolved(scenario: Scenario, kind: str, i: int, seed: int) -> Scene:
 def _drawn(scenario: Scenario, kind: str, i: int, seed: int, rng: np.random.Generator) -> Scene:
     if kind == "random":
         return scenario.random_scene(rng, f"random-{seed}-{i:03d}")
-    if not isinstance(scenario, Dragging):
-        raise FairleadError(f"scenario '{scenario.name}' has no hard scenes")
-    hard = tuple(KINDS)[i % len(KINDS)]
-    return hard_scene(scenario, hard, rng, f"{hard}-{seed}-{i:03d}")
+    for world, module in ((Dragging, dragging_hard), (DualArm, dual_arm_hard)):
+        if isinstance(scenario, world):
+            hard = tuple(module.KINDS)[i % len(module.KINDS)]
+            return module.hard_scene(scenario, hard, rng, f"{hard}-{seed}-{i:03d}")
+    raise FairleadError(f"scenario '{scenario.name}' has no hard scenes")
