@@ -13,7 +13,7 @@ from fairlead.cli.output import show
 
 NEEDS = {"trust": ("dynamics",), "recovery": ("dynamics", "trust")}
 """The other models that each model is trained on."""
-SETTINGS = {"dynamics": ("network",), "full-dynamics": ("grid",), "trust": ("network", "grid")}
+SETTINGS = {"dynamics": ("network",), "full-dynamics": ("grid",), "trust": ("network", "grid", "delta")}
 """What can be chosen of each."""
 
 
@@ -37,6 +37,8 @@ class Command:
     """dynamics: chain or mlp (the paper's). trust: sdf or voxel (the paper's)."""
     grid: Literal["coarse", "paper"] | None = None
     """Voxels of a voxel classifier or of full dynamics; the preset's by default."""
+    delta: float | None = None
+    """trust: largest error [m] of a reliable prediction; the dynamics' own by default."""
     preset: str = "desk"
     """Whose settings of training: smoke, desk or paper."""
     seed: int = 0
@@ -74,7 +76,7 @@ class Command:
             stages.full_dynamics(world, self.data, replace(sizes.full_dynamics, **grid), self.out, self.seed)
         elif self.model == "trust" and self.dynamics:
             base = sizes.trust if self.network == "voxel" else sizes.trust_sdf
-            config = replace(base, **grid, network=self.network or base.network)
+            config = replace(base, **grid, network=self.network or base.network, delta_m=self.delta or base.delta_m)
             stages.trust(world, self.data, self.dynamics, config, self.out, self.seed)
         elif self.dynamics and self.trust:
             stages.recovery(world, self.data, self.dynamics, self.trust, sizes.recovery, self.out, self.seed)
@@ -85,7 +87,7 @@ class Command:
         from fairlead.core.errors import FairleadError
 
         needed, chosen = NEEDS.get(self.model, ()), SETTINGS.get(self.model, ())
-        for name in ("dynamics", "trust", "network", "grid"):
+        for name in ("dynamics", "trust", "network", "grid", "delta"):
             given = getattr(self, name) is not None
             if name in needed and not given:
                 raise FairleadError(f"train {self.model} needs --{name} DIR, the folder of the trained {name}")

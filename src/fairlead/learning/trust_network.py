@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -39,6 +40,7 @@ class TrustConfig:
         hidden: hidden units.
         grid: the voxels (`voxel` only).
         rule: a name in `labels.RULES`.
+        delta_m: largest error [m] of a reliable prediction; None for the dynamics' own delta (the paper's).
         limit: most training examples; a uniform sample beyond it.
         stages: minibatches are half reliable, half not.
         patience: epochs without improvement after which a stage ends.
@@ -50,6 +52,7 @@ class TrustConfig:
     hidden: int = 256
     grid: VoxelGrid = COARSE_GRID
     rule: str = "figure"
+    delta_m: float | None = None
     limit: int = 200_000
     stages: tuple[Stage, ...] = (Stage(20, 256, 1e-3),)
     patience: int = 6
@@ -61,6 +64,8 @@ class TrustConfig:
             raise UnknownNameError("labelling rule", self.rule, RULES)
         if min(self.hidden, self.limit, len(self.stages)) < 1:
             raise FairleadError("trust: hidden, limit and the number of stages must be positive")
+        if self.delta_m is not None and not 0 < self.delta_m < math.inf:
+            raise FairleadError(f"delta {self.delta_m}: a positive number of metres is needed")
 
 
 class TrustNetwork(nn.Module, ABC):

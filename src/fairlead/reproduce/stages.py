@@ -92,10 +92,11 @@ def full_dynamics(scenario: Scenario, data: Path, config: FullDynamicsConfig, ou
 
 
 def trust(scenario: Scenario, data: Path, dynamics: Path, config: TrustConfig, out: Path, seed: int) -> None:
-    """Train a trust classifier on phase 2 data, labelled at the delta of the dynamics."""
+    """Train a trust classifier on phase 2 data, labelled at the delta of the dynamics or of the configuration."""
 
     def train(job: Job) -> None:
-        model, delta = load_dynamics(dynamics, scenario.name), load_delta(dynamics, scenario.name)
+        model = load_dynamics(dynamics, scenario.name)
+        delta = config.delta_m or load_delta(dynamics, scenario.name)
         train_trust(model, splits(data, scenario.name, 2), delta, config, job)
 
     _model(scenario, out, config, {"data": data, "dynamics": dynamics}, seed, train)
