@@ -40,6 +40,13 @@ def test_every_method_was_tried_and_reported(line: Path) -> None:
     assert 'src="http' not in page
 
 
+def test_the_dual_arm_takes_the_same_line(tmp_path: Path) -> None:
+    reproduce(scenario("dual_arm"), preset("dual_arm", "smoke"), tmp_path, 0, 2, _no_bar)
+    rows = list(read_jsonl(tmp_path / "trials" / "trials.jsonl"))
+    assert {row["method"] for row in rows} == set(preset("dual_arm", "smoke").methods)
+    assert "trust+recovery" in (tmp_path / "report" / "report.html").read_text()
+
+
 def test_every_artifact_has_a_manifest(line: Path) -> None:
     folders = [*(line / "data").iterdir(), *(line / "models").iterdir(), line / "trials", line / "report"]
     for folder in folders:

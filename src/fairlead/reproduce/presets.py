@@ -83,7 +83,7 @@ _PAPER = Preset(
 )  # fmt: skip
 
 _DUAL_SMOKE = Preset(
-    phase1=32, phase2=32, full=16, steps2=4,
+    phase1=16, phase2=16, full=16, steps2=4,
     dynamics=DynamicsConfig(hidden=32, blocks=1, planar=False, stages=(Stage(4, 64), Stage(2, 64, 3e-4, 4))),
     full_dynamics=FullDynamicsConfig(hidden=32, planar=False, grid=COARSE_GRID_3D, stages=(Stage(1, 32),)),
     trust=TrustConfig("voxel", planar=False, hidden=16, grid=COARSE_GRID_3D, limit=64, stages=(Stage(1, 32),)),
