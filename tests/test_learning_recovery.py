@@ -166,6 +166,14 @@ def test_training_learns_which_way_out_saves_and_loads(network: str, tmp_path: P
     assert (loaded.choose(environment, states, np.random.default_rng(0)) == chosen).all()
 
 
+def test_what_planning_asks_says_which_states_are_stuck(tmp_path: Path) -> None:
+    data = splits(8, 4, 2)
+    check = LearnedCheck(build_network(LAYOUT, TrustConfig("sdf", hidden=8), 0))
+    everything = data.train.actions.shape[0] * data.train.actions.shape[1]
+    train_recovery(DYNAMICS, check, SideCheck(9), SAMPLER, data, CONFIG, Job(tmp_path, "toy"))
+    assert json.loads((tmp_path / "metrics.json").read_text())["train"]["stuck"] == everything
+
+
 def test_nothing_to_learn_from_gives_random_actions_and_says_so(tmp_path: Path) -> None:
     data = splits(8, 4, 2)
     trust = LearnedCheck(build_network(LAYOUT, TrustConfig("sdf", hidden=8), 0))

@@ -12,12 +12,15 @@ from scipy.spatial.transform import Rotation
 from fairlead.core import contracts
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import ActionOutcome, Transitions
+from fairlead.core.roles import RecoveryPolicy
 from fairlead.geometry.fields import BoxEnvironment
+from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box
 from fairlead.planning.checks import AcceptAll, SpreadThreshold
+from fairlead.planning.recovery import NoRecovery, RandomRecovery
 from fairlead.scenarios import iiwa
 from fairlead.scenarios.arms import CLEARANCE, TOLERANCE, Arms
-from fairlead.scenarios.arms_check import ArmsCheck
+from fairlead.scenarios.arms_check import ArmsCheck, ArmsRecovery
 from fairlead.scenarios.scene_files import read_scenes
 
 ARMS = iiwa.dual_iiwa()
@@ -269,6 +272,25 @@ def test_the_check_keeps_its_contract_and_knows_the_arms() -> None:
     rejecting = ArmsCheck(SpreadThreshold(0.01), layout, ARMS)
     inner = SpreadThreshold(0.01).probability(environment, examples, code, code)
     np.testing.assert_array_equal(rejecting.probability(environment, examples, code, code), inner)
+
+
+def test_recovery_asks_again_for_what_the_arms_can_do() -> None:
+    layout = StateLayout(("left_gripper", "right_gripper"), 4)
+    environment = BoxEnvironment([TABLE, POST], np.array([[0.4, -0.6, 0.6], [1.2, 0.6, 1.3]]))
+    states = transitions(np.random.default_rng(7), layout, 24).states
+    sampler = RandomDisplacement(layout, 0.4, (0.4, -0.6, 0.6), (1.2, 0.6, 1.3), planar=False)
+
+    def reached(policy: RecoveryPolicy) -> int:
+        actions = policy.choose(environment, states, np.random.default_rng(0))
+        assert actions is not None
+        grippers, targets = layout.grippers_of(states), layout.grippers_of(actions)
+        path = ARMS.follow(ARMS.grasp(grippers)[0], grippers, targets, [environment.boxes] * 24)
+        return int((path.outcomes == TARGET).sum())
+
+    random = RandomRecovery(sampler)
+    assert reached(ArmsRecovery(random, layout, ARMS)) > reached(random)
+    assert reached(ArmsRecovery(random, layout, ARMS, tries=1)) == reached(random)
+    assert ArmsRecovery(NoRecovery(), layout, ARMS).choose(environment, states, np.random.default_rng(0)) is None
 
 
 def test_the_given_starts_and_goals_are_within_reach(authors_scenes: Path) -> None:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from fairlead.core.errors import FairleadError
 from fairlead.core.records import ActionOutcome
 from fairlead.core.streams import stream
 from fairlead.scenarios.dragging import OBSTACLES
@@ -217,13 +218,22 @@ def test_divergence_is_found_and_never_observed(speed: float) -> None:
 
     def break_one(ids, *rest):
         drive(ids, *rest)
-        world.simulation.qvel[1] = speed
+        if 1 in ids:
+            world.simulation.qvel[1] = speed
 
     world._drive = break_one
     executed = world.execute(DRAGGING.sampler.propose(before, rng))
     assert executed.diverged.tolist() == [False, True, False]
     assert np.isfinite(executed.states).all()
     np.testing.assert_allclose(executed.states[1], before[1], atol=1e-9)
+    world._drive = drive
+    again = world.execute(DRAGGING.sampler.propose(executed.states, rng))
+    assert not again.diverged.any(), "a copy that diverged once goes on"
+
+
+def test_there_is_nothing_to_receive_before_something_is_sent() -> None:
+    with pytest.raises(FairleadError, match="send some first"):
+        DRAGGING.simulate([()], _straight()[None]).receive()
 
 
 def test_outcomes_tell_free_from_blocked() -> None:

@@ -24,7 +24,8 @@ class Command:
     seed: int = 0
     """Of every random stream."""
     hard: bool = False
-    """Narrow gaps, wrapped and wedged starts, goals in and behind corners."""
+    """Hard ones. dragging: narrow gaps, wrapped and wedged starts, goals in and behind corners. dual_arm: ropes caught
+    under hooks, draped over obstacles, led astray."""
     json: bool = False
     """Print one JSON object."""
 

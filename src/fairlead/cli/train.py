@@ -67,6 +67,7 @@ class Command:
             "paper": PAPER_GRID if planar else PAPER_GRID_3D,
         }
         grid = {} if self.grid is None else {"grid": grids[self.grid]}
+        delta = {} if self.delta is None else {"delta_m": self.delta}
         if self.model == "dynamics":
             wide = {"network": "mlp", "hidden": 1024, "planar": False} if self.network == "mlp" else {}
             other = {} if self.network in (None, "mlp") else {"network": self.network}
@@ -76,7 +77,7 @@ class Command:
             stages.full_dynamics(world, self.data, replace(sizes.full_dynamics, **grid), self.out, self.seed)
         elif self.model == "trust" and self.dynamics:
             base = sizes.trust if self.network == "voxel" else sizes.trust_sdf
-            config = replace(base, **grid, network=self.network or base.network, delta_m=self.delta or base.delta_m)
+            config = replace(base, **grid, network=self.network or base.network, **delta)
             stages.trust(world, self.data, self.dynamics, config, self.out, self.seed)
         elif self.dynamics and self.trust:
             stages.recovery(world, self.data, self.dynamics, self.trust, sizes.recovery, self.out, self.seed)

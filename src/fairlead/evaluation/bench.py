@@ -119,6 +119,8 @@ class Bench:
         }
         budget = scaled(self.config.budget, method.budget_scale)
         world = scenario.simulate([scene.obstacles], scene.state(scenario.layout)[None])
+        if not np.isfinite(world.residual[0]):
+            raise FairleadError(f"scene '{scene.name}': the simulation diverges where the rope is laid at its points")
         seed = stream_seed(job.seed, "trial", scenario.name, scene.name)
         task = Task(environment, goal, plan, recovery)
         result = run_trial(world, task, budget, self.config.protocol, seed, _recorder(job, names))

@@ -15,7 +15,7 @@ from fairlead.core.roles import Dynamics, RecoveryPolicy, TransitionCheck
 from fairlead.learning.registry import load_check, load_dynamics, load_full_dynamics, load_recovery
 from fairlead.planning.checks import AcceptAll, CollisionCheck, SpreadThreshold
 from fairlead.planning.recovery import NoRecovery, RandomRecovery
-from fairlead.scenarios.arms_check import within_reach
+from fairlead.scenarios.arms_check import recovery_within_reach, within_reach
 from fairlead.scenarios.oracle import SimulatorDynamics
 from fairlead.scenarios.scenario import Scenario
 from fairlead.scenarios.scene_files import Scene
@@ -109,7 +109,7 @@ The classifiers and the collision check know what the scenario's arms can do; th
 
 RECOVERIES: dict[str, Callable[[Models], RecoveryPolicy]] = {
     "none": lambda models: NoRecovery(),
-    "random": lambda models: RandomRecovery(models.scenario.sampler),
+    "random": lambda models: recovery_within_reach(RandomRecovery(models.scenario.sampler), models.scenario),
     "learned": lambda models: _recovery(models, "recovery"),
     "learned-sdf": lambda models: _recovery(models, "recovery-sdf"),
 }
@@ -120,7 +120,8 @@ def _trust(models: Models, name: str) -> TransitionCheck:
 
 
 def _recovery(models: Models, name: str) -> RecoveryPolicy:
-    return load_recovery(models.folder_of(name), models.scenario.name, models.scenario.sampler)
+    scenario = models.scenario
+    return recovery_within_reach(load_recovery(models.folder_of(name), scenario.name, scenario.sampler), scenario)
 
 
 def find_method(name: str) -> Method:

@@ -1,4 +1,7 @@
-"""How large the line is: `smoke` for tests, `desk` for a quarter of an hour, `paper` for the paper's data sizes."""
+"""How large the line is: `smoke` for tests, `desk` for about a quarter of an hour, `paper` for the paper's data sizes.
+
+The voxel grids are coarser than the paper's, which take hours on a CPU (`fairlead train --grid paper`).
+"""
 
 from __future__ import annotations
 
@@ -93,7 +96,7 @@ _DUAL_SMOKE = Preset(
 )  # fmt: skip
 
 _DUAL_DESK = Preset(
-    phase1=2048, phase2=512, full=512,
+    phase1=1024, phase2=512, full=1024,
     dynamics=DynamicsConfig(planar=False, stages=(Stage(40, 128, 2e-3), Stage(4, 128, 5e-4, 4))),
     full_dynamics=FullDynamicsConfig(planar=False, grid=COARSE_GRID_3D, stages=(Stage(3, 64),)),
     trust=TrustConfig("voxel", planar=False, hidden=128, grid=COARSE_GRID_3D, limit=8000, stages=(Stage(3, 64),)),

@@ -96,7 +96,7 @@ def trust(scenario: Scenario, data: Path, dynamics: Path, config: TrustConfig, o
 
     def train(job: Job) -> None:
         model = load_dynamics(dynamics, scenario.name)
-        delta = config.delta_m or load_delta(dynamics, scenario.name)
+        delta = load_delta(dynamics, scenario.name) if config.delta_m is None else config.delta_m
         train_trust(model, splits(data, scenario.name, 2), delta, config, job)
 
     _model(scenario, out, config, {"data": data, "dynamics": dynamics}, seed, train)
@@ -125,7 +125,7 @@ def evidence(scenario: Scenario, data: Path, dynamics: Path, trust: Path, out: P
         load_dynamics(dynamics, scenario.name),
         load_check(trust, scenario.name),
         load(data, "test"),
-        load_delta(dynamics, scenario.name),
+        read_json(trust / "metrics.json")["delta_m"],
         grid,
         scenario.rope_radius + CONTACT_M,
         out,

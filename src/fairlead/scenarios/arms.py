@@ -29,6 +29,8 @@ TOLERANCE = 0.001
 """Of the gripper's position [m]: farther from it, it counts as out of reach."""
 GRASP_STEPS = 12
 """Iterations from home to a posture."""
+PARTS = 6
+"""The arms look at so many places along the way to a target, in execution as in planning."""
 _TARGET, _LIMIT, _COLLISION = (
     tuple(ActionOutcome).index(o)
     for o in (ActionOutcome.TARGET, ActionOutcome.JOINT_LIMIT, ActionOutcome.ARM_COLLISION)
@@ -99,7 +101,7 @@ class Arms:
         grippers: Float[np.ndarray, "batch arm 3"],
         targets: Float[np.ndarray, "batch arm 3"],
         boxes: Sequence[Sequence[Box]],
-        parts: int = 6,
+        parts: int = PARTS,
     ) -> ArmPath:
         """Move from `joints`, where the grippers are, towards targets [m] among each row's boxes.
 

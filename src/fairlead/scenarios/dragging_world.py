@@ -125,12 +125,12 @@ class DraggingWorld(SimulatedWorld):
             batch.mocap_pos, batch.mocap_quat = box_poses(obstacles, sizes)
         self._hinges = np.array([model.joint(f"hinge{i}").qposadr[0] for i in reversed(range(rope.links))])
         self._settle_steps = round(gripper.settle / model.opt.timestep)
-        self._active = np.empty(0, np.int32)
+        self._active, self._warm = np.empty(0, np.int32), batch.bind("qacc_warmstart")
         self._before = np.zeros_like(self.simulation.qpos)
         self._from, self._to = np.zeros((2, len(states), 2))
         self._clock, self._end, self._outcome = np.zeros((3, len(states)), int)
         self.place(states)
-        self._residual = self._rms(states)
+        self._residual = np.where(self._unsound, np.inf, self._rms(states))
 
     def place(self, states: Float[np.ndarray, "batch state"]) -> None:
         """Lay every rope at the given points, at rest, and let it settle.
@@ -186,13 +186,14 @@ class DraggingWorld(SimulatedWorld):
 
     def receive(self) -> tuple[Int[np.ndarray, " some"], Executed]:
         """Move each gripper towards its target until it is there or the time is out, then let the rope settle."""
+        self.check_sent(len(self._active))
         done = np.zeros(len(self._active), bool)
         while not done.any():
             self._step(self._active)
             done = self._clock[self._active] == self._end[self._active]
         ids, self._active = self._active[done], self._active[~done]
         bad = ids[self._unsound[ids] | self.simulation.diverged(ids) | (self._outcome[ids] == _DIVERGED)]
-        self._outcome[bad], self.simulation.qpos[bad] = _DIVERGED, self._before[bad]
+        self._outcome[bad], self.simulation.qpos[bad], self._warm[bad] = _DIVERGED, self._before[bad], 0.0
         self.simulation.qvel[ids] = 0.0
         seconds = self._clock[ids] * self.simulation.dt
         return ids, Executed(self._observe(ids), seconds, self._outcome[ids])

@@ -59,7 +59,8 @@ class DualArm(Scenario):
     paper_data = (2048, 10), (5996, 20)
 
     def __init__(self, rope: HangingRope | None = None, motion: Grippers | None = None) -> None:
-        self.rope, self.motion, self.arms = rope or HangingRope(), motion or Grippers(), dual_iiwa()
+        self.rope, self.motion, self._arms = rope or HangingRope(), motion or Grippers(), dual_iiwa()
+        self.arms = self._arms
         self.rope_radius, self.link_length = self.rope.radius, self.rope.link_length
         low, high = map(tuple, BOUNDS.tolist())
         self.sampler = RandomDisplacement(LAYOUT, 0.10, low, high, planar=False)
@@ -168,7 +169,7 @@ class DualArm(Scenario):
         return Scene(name, obstacles, grippers, rope, self.random_goal(obstacles, rng))
 
     def validate(self, scene: Scene) -> None:
-        """A goal inside an obstacle, or a rope inside one or too short for its grippers, is an error that names it."""
+        """A goal or rope inside an obstacle, a rope too short or grippers out of reach is an error that names it."""
         boxes = [box for obstacle in scene.obstacles for box in obstacle.boxes]
         if box_distance(boxes, np.array(scene.goal.position)) < 0:
             raise FairleadError(f"scene '{scene.name}': goal.position lies inside an obstacle")
@@ -180,6 +181,8 @@ class DualArm(Scenario):
             raise FairleadError(
                 f"scene '{scene.name}': the grippers are {apart:.3f} m apart; the rope is {self.rope.length:.3f} m long"
             )
+        if not self._arms.grasp(LAYOUT.grippers_of(state)[None])[1][0]:
+            raise FairleadError(f"scene '{scene.name}': the arms do not reach its grippers")
 
 
 def _held(region: Float[np.ndarray, "2 2 3"], apart: float, rng: np.random.Generator) -> Float[np.ndarray, "2 3"]:

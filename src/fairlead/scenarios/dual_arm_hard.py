@@ -25,7 +25,7 @@ Kind = Callable[[DualArm, Sequence[Obstacle], Float[np.ndarray, "point 3"]], boo
 
 
 def caught(scenario: DualArm, obstacles: Sequence[Obstacle], points: Float[np.ndarray, "point 3"]) -> bool:
-    """The rope runs under the plate of a hook: pulled up, it would not come."""
+    """The rope runs under the plate of a hook: pulled straight up, it would not come."""
     for post, plate in (obstacle.boxes for obstacle in obstacles if obstacle.name.startswith("hook")):
         low, high = post.position[2] - post.size[2] / 2, plate.position[2] - plate.size[2] / 2
         raised = np.concatenate([points[:, :2], np.full((len(points), 1), plate.position[2])], axis=1)
@@ -35,7 +35,7 @@ def caught(scenario: DualArm, obstacles: Sequence[Obstacle], points: Float[np.nd
 
 
 def draped(scenario: DualArm, obstacles: Sequence[Obstacle], points: Float[np.ndarray, "point 3"]) -> bool:
-    """The rope lies on obstacles in at least two places, and hangs between them."""
+    """The rope touches obstacles in at least two places, and not between them."""
     touching = _touching(scenario, obstacles, points)
     return int((np.diff(touching.astype(int)) == 1).sum() + touching[0]) >= 2
 

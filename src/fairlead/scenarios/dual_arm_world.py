@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import ActionOutcome, Executed
 from fairlead.geometry.shapes import Box, Obstacle
-from fairlead.scenarios.arms import Arms
+from fairlead.scenarios.arms import PARTS, Arms
 from fairlead.scenarios.hanging_rope import SIDES, HangingRope
 from fairlead.scenarios.obstacles import Sizes, add_boxes, box_poses, box_sizes
 from fairlead.scenarios.rope import OBSTACLE_BIT
@@ -30,8 +30,6 @@ _TARGET, _STRETCH, _DIVERGED = map(
 )
 
 
-PARTS = 6
-"""The arms look at so many places along the way to a target."""
 REST_TICKS = 3
 """The rope rests after so many ticks without motion; one alone may be the turning point of a swing."""
 BACK, REST, FORTH = -1, 0, 1
@@ -118,7 +116,7 @@ class DualArmWorld(SimulatedWorld):
         self._warm = batch.bind("qacc_warmstart")
         self.place(states)
         gap = LAYOUT.points_of(self.observe()) - LAYOUT.points_of(states)
-        self._residual = np.sqrt((gap * gap).sum(-1).mean(-1))
+        self._residual = np.where(self._unsound, np.inf, np.sqrt((gap * gap).sum(-1).mean(-1)))
 
     def place(self, states: Float[np.ndarray, "batch state"]) -> None:
         """Lay every rope along the given points, held and at rest, and let it settle; the arms grasp its ends.
@@ -181,6 +179,7 @@ class DualArmWorld(SimulatedWorld):
 
     def receive(self) -> tuple[Int[np.ndarray, " some"], Executed]:
         """Move the grippers until a stop or the target, then wait for the rope to come to rest."""
+        self.check_sent(len(self._active))
         ended = np.zeros(len(self._active), bool)
         while not ended.any():
             self._advance(self._active)

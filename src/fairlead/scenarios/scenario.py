@@ -35,7 +35,7 @@ class Scenario(ABC):
     paper_data: tuple[tuple[int, int], tuple[int, int]]
     """Trajectories, and actions in each, that the paper recorded: in phase 1, in phase 2."""
     arms: Arms | None = None
-    """What carries the grippers, where something does: pictures show it."""
+    """What carries the grippers, where something does: pictures show it, checks and recovery ask what it can do."""
 
     @abstractmethod
     def environment(self, obstacles: Sequence[Obstacle]) -> Environment:

@@ -13,6 +13,7 @@ import mujoco.batch
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from fairlead.core.errors import FairleadError
 from fairlead.core.records import Executed
 from fairlead.core.roles import World
 
@@ -29,7 +30,18 @@ class SimulatedWorld(World):
 
     @abstractmethod
     def receive(self) -> tuple[Int[np.ndarray, " some"], Executed]:
-        """Simulate until at least one copy is at rest after its action; those copies, in order, and what happened."""
+        """Simulate until at least one copy is at rest after its action; those copies, in order, and what happened.
+
+        Raises:
+            FairleadError: no copy has an action that was sent and not yet received.
+        """
+
+    @final
+    @staticmethod
+    def check_sent(count: int) -> None:
+        """Refuse to wait for nothing."""
+        if not count:
+            raise FairleadError("no copy of the world has an action to carry out: send some first")
 
     @final
     def execute(self, actions: Float[np.ndarray, "batch action"]) -> Executed:
@@ -46,7 +58,10 @@ class SimulatedWorld(World):
     @property
     @abstractmethod
     def residual(self) -> Float[np.ndarray, " batch"]:
-        """Root-mean-square distance [m] between the given rope points and the settled ones, for each copy."""
+        """Root-mean-square distance [m] between the given rope points and the settled ones, for each copy.
+
+        Infinite where settling diverged: such a start cannot be simulated.
+        """
 
     @property
     @abstractmethod
