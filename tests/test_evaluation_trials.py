@@ -152,6 +152,19 @@ def test_a_worker_that_dies_ends_the_run_with_a_sentence(config: TrialsConfig, t
     assert len(rows(tmp_path)) == 1
 
 
+def test_two_runs_do_not_share_a_folder_at_the_same_time(config: TrialsConfig, tmp_path: Path) -> None:
+    first, second = Trials(config, tmp_path), Trials(config, tmp_path)
+
+    def run_the_other(row: dict[str, Any]) -> None:
+        with pytest.raises(ArtifactError, match="another process"):
+            second.run(workers=1)
+
+    first.run(workers=1, ended=run_the_other)
+    second.run(workers=1)
+    names = [(row["method"], row["scene"], row["seed"]) for row in rows(tmp_path)]
+    assert len(names) == len(set(names))
+
+
 def test_a_finished_folder_stays_as_it_is(config: TrialsConfig, finished: Path) -> None:
     before = {path: path.read_bytes() for path in finished.rglob("*") if path.is_file()}
     assert Trials(config, finished).missing == []

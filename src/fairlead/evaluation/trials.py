@@ -12,9 +12,11 @@ A folder of trials holds:
 
 from __future__ import annotations
 
+import fcntl
+import os
 import time
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, final
 
@@ -66,15 +68,33 @@ class Trials:
 
         With a counted budget the rows do not depend on `workers`, but for their order. Returns the summary of all the
         folder's trials.
+
+        Raises:
+            ArtifactError: another process runs trials of this folder.
         """
         started = time.monotonic()
-        if self.missing:
-            (self._out / MANIFEST).unlink(missing_ok=True)
-        with closing(run_jobs(self._bench.config, self.missing, workers)) as rows:
-            for row in rows:
-                append_jsonl(self._out / TRIALS, row)
-                ended(row)
-        return _finish(self._bench, self._out, time.monotonic() - started)
+        with _alone(self._out):
+            self.missing = _missing(self._bench, self._out)
+            if self.missing:
+                (self._out / MANIFEST).unlink(missing_ok=True)
+            with closing(run_jobs(self._bench.config, self.missing, workers)) as rows:
+                for row in rows:
+                    append_jsonl(self._out / TRIALS, row)
+                    ended(row)
+            return _finish(self._bench, self._out, time.monotonic() - started)
+
+
+@contextmanager
+def _alone(out: Path) -> Iterator[None]:
+    """Nobody else runs trials of this folder meanwhile; ArtifactError where somebody does."""
+    held = os.open(out, os.O_RDONLY)
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    except BlockingIOError:
+        raise ArtifactError(out, "another process runs trials there; wait for it, or use --out") from None
+    finally:
+        os.close(held)
 
 
 def identity(bench: Bench) -> dict[str, Any]:
