@@ -93,10 +93,19 @@ def test_names_of_presets() -> None:
     assert set(PRESETS["dragging"]) == {"smoke", "desk", "paper"}
 
 
-def test_the_paper_preset_has_the_papers_data() -> None:
-    sizes = preset("dragging", "paper")
-    assert (sizes.phase1, sizes.phase2, sizes.steps2, sizes.dynamics.members) == (6144, 2048, 50, 8)
-    assert sizes.full * 50 >= 6144 * 10 + 2048 * 50 > (sizes.full - 1) * 50
+@pytest.mark.parametrize("name", ["dragging", "dual_arm"])
+def test_the_paper_preset_has_the_papers_data(name: str) -> None:
+    sizes, world = preset(name, "paper"), scenario(name)
+    (first, _), (second, _) = world.paper_data
+    assert (sizes.phase1, sizes.phase2, sizes.steps2, sizes.dynamics.members) == (first, second, 0, 8)
+
+
+@pytest.mark.parametrize("size", ["desk", "paper"])
+@pytest.mark.parametrize("name", ["dragging", "dual_arm"])
+def test_full_dynamics_see_as_much_as_the_others_together(name: str, size: str) -> None:
+    sizes, ((_, steps1), (_, steps2)) = preset(name, size), scenario(name).paper_data
+    steps2 = sizes.steps2 or steps2
+    assert sizes.full * steps2 == pytest.approx(sizes.phase1 * steps1 + sizes.phase2 * steps2, rel=0.01)
 
 
 def test_the_benchmark_scenes_come_with_the_package() -> None:
