@@ -31,6 +31,14 @@ def outlines(obstacles: Iterable[Mapping[str, Any]]) -> list[Float[np.ndarray, "
     return [outline(box) for obstacle in obstacles for box in obstacle["boxes"]]
 
 
+def view_of(scene: Mapping[str, Any]) -> tuple[Float[np.ndarray, " 2"], float]:
+    """Centre and half the side [m] of the square that shows a scene, with 0.15 m around what is in it."""
+    starts = [*scene["rope"], *scene["grippers"].values(), scene["goal"]["position"]]
+    seen = np.concatenate([np.array(starts)[:, :2], *outlines(scene["obstacles"])])
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    return (low + high) / 2, float((high - low).max() / 2 + 0.15)
+
+
 def draw_obstacles(axes: Axes, polygons: Iterable[Float[np.ndarray, "4 2"]]) -> None:
     """Fill the outlines."""
     for polygon in polygons:

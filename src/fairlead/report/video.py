@@ -15,7 +15,7 @@ from jaxtyping import Float
 from matplotlib.colors import LinearSegmentedColormap
 from PIL import Image, ImageDraw, ImageFont
 
-from fairlead.report.drawing import outlines
+from fairlead.report.drawing import outlines, view_of
 from fairlead.report.playback import FPS, SPEED, Episode, Recording, View, views
 from fairlead.report.style import FAINT, GHOST, GOAL, GRIPPER, INK, MUTED, OBSTACLE, OUTCOMES, PAPER, ROPE
 from fairlead.report.tables import counted
@@ -42,16 +42,16 @@ class Panel:
         recording: the trial.
         scene: its scene, as a scene file writes it.
         point: index of the rope point that the goal is for.
-        half: half of the arena's side [m].
     """
 
-    def __init__(self, recording: Recording, scene: Mapping[str, Any], point: int, half: float = 1.0) -> None:
-        self.recording, self.scene, self.point, self.half = recording, scene, point, half
+    def __init__(self, recording: Recording, scene: Mapping[str, Any], point: int) -> None:
+        self.recording, self.scene, self.point = recording, scene, point
+        self.centre, self.half = view_of(scene)
         self._layers: dict[int, Image.Image] = {}
         self._background = self._arena()
 
     def _pixels(self, points: Float[np.ndarray, "count _"]) -> list[tuple[float, float]]:
-        scaled = (np.asarray(points)[:, :2] * (1, -1) / self.half + 1) * SIDE * _SHARP / 2
+        scaled = ((np.asarray(points)[:, :2] - self.centre) * (1, -1) / self.half + 1) * SIDE * _SHARP / 2
         return list(map(tuple, scaled.tolist()))
 
     def _dot(self, draw: ImageDraw.ImageDraw, point: Float[np.ndarray, " _"], radius: float, colour: str) -> None:
