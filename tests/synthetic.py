@@ -27,6 +27,7 @@ def row(method: str, scene: str, seed: int, rng: np.random.Generator) -> dict[st
         "plans": int(rng.integers(1, 8)),
         "recovery_actions": 0,
         "actions": int(execution),
+        "action_outcomes": {"target": int(execution) - 1, "timeout": 1},
         "outcome": "goal" if success else str(rng.choice(["budget", "budget", "stuck"])),
         "first_plan_success": bool(success and rng.random() < 0.5),
         "first_plan_error_m": float(rng.exponential(0.1)),

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -38,7 +39,7 @@ from fairlead.scenarios.scene_files import write_scenes
 ROW = {
     "scenario", "scenes", "scene", "method", "seed", "success", "error_m", "planning_s", "execution_s", "extensions",
     "plans", "recovery_actions", "actions", "outcome", "first_plan_success", "first_plan_error_m", "times_stuck",
-    "reached_at_s", "budget", "protocol", "start_residual_m",
+    "reached_at_s", "budget", "protocol", "start_residual_m", "action_outcomes",
 }  # fmt: skip
 
 
@@ -178,7 +179,8 @@ def test_traces_are_kept_where_asked(config: TrialsConfig, finished: Path) -> No
     trace = read_trace(finished / "traces" / "accept-all" / "scene-0-0")
     (row,) = [row for row in rows(finished) if (row["scene"], row["method"]) == ("scene-0", "accept-all")]
     assert trace.outcome.label == row["outcome"]
-    assert len(trace.actions) == row["actions"]
+    assert len(trace.actions) == row["actions"] == sum(row["action_outcomes"].values())
+    assert Counter(action.outcome.label for action in trace.actions) == row["action_outcomes"]
     last = list(views(recording(trace, "accept-all", 0)))[-1]
     assert last.phase == row["outcome"]
     np.testing.assert_allclose(last.rope, trace.layout.points_of(trace.actions[-1].state))

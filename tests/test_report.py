@@ -21,7 +21,7 @@ from fairlead.report.drawing import outline
 from fairlead.report.page import write_report
 from fairlead.report.playback import Branches, Episode, Recording, views
 from fairlead.report.sources import find_sources
-from fairlead.report.tables import Table, success_table
+from fairlead.report.tables import Table, actions_table, success_table
 from fairlead.report.video import Panel, frame, write_video
 
 
@@ -179,3 +179,12 @@ def test_an_untrained_recovery_is_called_that(tmp_path: Path) -> None:
     assert "recovery was NOT trained and acts at random: 14 stuck states in 3,000 (train)" in text
     assert "recovery-sdf was NOT" not in text
     assert "| recovery-sdf, test | 3,000 | 14 | 5 | 4 | 3 | 2 | 0.250 |" in text
+
+
+def test_how_actions_ended_is_counted_over_trials_and_shown_as_shares() -> None:
+    rows = [{**row, "action_outcomes": {"target": 3, "joint_limit": 1}} for row in synthetic.rows(2, 1, ("trust",))]
+    summary = summarise(rows, ("trust",), 0)
+    assert summary["methods"]["trust"]["action_outcomes"] == {"target": 6, "joint_limit": 2}
+    table = actions_table(summary)
+    assert table.columns == ("method", "actions", "target", "joint limit")
+    assert table.rows == (("trust", "8", "75.0 %", "25.0 %"),)

@@ -46,6 +46,7 @@ def _method_summary(rows: Sequence[Row]) -> dict[str, Any]:
         "success_at_s": {f"{time:g}": float(rate) for time, rate in zip(times, reached, strict=True)},
         "error_m": error_statistics(np.array([row["error_m"] for row in rows])),
         "outcomes": dict(Counter(row["outcome"] for row in rows)),
+        "action_outcomes": dict(sum((Counter(row.get("action_outcomes", {})) for row in rows), Counter[str]())),
         "stuck_trials": sum(row["times_stuck"] > 0 for row in rows),
         **{key: _total(rows, key) for key in ("times_stuck", "recovery_actions")},
         **{f"mean_{key}": _mean(rows, key) for key in ("planning_s", "execution_s", "extensions", "plans", "actions")},

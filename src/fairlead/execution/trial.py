@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any, final
@@ -55,7 +56,8 @@ class TrialResult:
     planning_s [s] is wall time and 0 under a counted budget, which reads no clock; execution_s [s] is simulated.
     reached_at_s [s] is when the goal was seen to be reached, None if it was not: success within a smaller budget is
     reached_at_s at most that. first_plan_success and first_plan_error_m [m] are of the state after the first planning
-    attempt was executed whole (a stuck one: the start); None if the trial ended before that.
+    attempt was executed whole (a stuck one: the start); None if the trial ended before that. action_outcomes counts how
+    the actions ended, by the label of the `ActionOutcome`, those of recovery included.
     """
 
     success: bool
@@ -66,6 +68,7 @@ class TrialResult:
     plans: int
     recovery_actions: int
     actions: int
+    action_outcomes: dict[str, int]
     outcome: TrialOutcome
     first_plan_success: bool | None
     first_plan_error_m: float | None
@@ -116,7 +119,8 @@ class _Trial:
         self._world, self._task, self._meter, self._protocol, self._seed = world, task, meter, protocol, seed
         self._recorder = recorder or NoTrace()
         self._state: np.ndarray = world.observe()[0]
-        self._plans = self._actions = self._recoveries = self._stuck = self._stuck_here = 0
+        self._plans = self._recoveries = self._stuck = self._stuck_here = 0
+        self._ends: Counter[str] = Counter()
         self._first: tuple[bool, float] | None = None
         self._diverged = False
 
@@ -197,14 +201,15 @@ class _Trial:
     def _execute(self, action: Float[np.ndarray, " action"], recovery: bool) -> None:
         executed = self._world.execute(action[None])
         seconds, self._diverged = float(executed.seconds[0]), bool(executed.diverged[0])
+        end = tuple(ActionOutcome)[int(executed.outcomes[0])].label
         if not np.array_equal(executed.states[0], self._state):
             self._stuck_here = 0
         self._state = executed.states[0]
-        self._actions += 1
+        self._ends[end] += 1
         self._meter.charge_execution(seconds)
         self._recorder.event({
             "event": "action", "plan": self._plans - 1, "recovery": recovery, "action": action.tolist(),
-            "outcome": tuple(ActionOutcome)[int(executed.outcomes[0])].label, "seconds": seconds,
+            "outcome": end, "seconds": seconds,
             "at_s": self._meter.spent_s, "state": self._state.tolist(), "error_m": self._error,
         })  # fmt: skip
 
@@ -222,7 +227,8 @@ class _Trial:
             extensions=meter.extensions,
             plans=self._plans,
             recovery_actions=self._recoveries,
-            actions=self._actions,
+            actions=self._ends.total(),
+            action_outcomes=dict(self._ends),
             outcome=outcome,
             first_plan_success=first_success,
             first_plan_error_m=first_error,

@@ -115,7 +115,7 @@ def _trial_section(trials: TrialSet, save: _Figures, name: str, clips: list[Clip
     )
     if summary["comparisons"]:
         section.tables.append(tables.comparison_table(summary))
-    section.tables.append(tables.effort_table(summary))
+    section.tables += [tables.effort_table(summary), tables.actions_table(summary)]
     radius = trials.scenes[0]["goal"]["radius"]
     longest = max((row["reached_at_s"] or 0.0 for row in trials.rows), default=0.0)
     horizon = budget.seconds if timed else max(1.0, longest)

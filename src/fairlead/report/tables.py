@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fairlead.core.budget import Budget
+from fairlead.core.records import ActionOutcome
 from fairlead.report.paper import RESULTS
 
 Summary = Mapping[str, Any]
@@ -147,6 +148,19 @@ def effort_table(summary: Summary) -> Table:
         for name, entry in summary["methods"].items()
     ]
     return Table("Effort", columns, tuple(rows), "Means over trials; stuck trials and recoveries are counts.")
+
+
+def actions_table(summary: Summary) -> Table:
+    """How the executed actions of each method ended, recovery included: the share of each reason."""
+    ends = {name: entry.get("action_outcomes", {}) for name, entry in summary["methods"].items()}
+    seen = [outcome for outcome in ActionOutcome if any(outcome.label in counts for counts in ends.values())]
+    rows = []
+    for name, counts in ends.items():
+        total = sum(counts.values())
+        shares = [f"{100 * counts.get(end.label, 0) / total:.1f} %" if total else "-" for end in seen]
+        rows.append((name, f"{total:,}", *shares))
+    columns = ("method", "actions", *(end.label.replace("_", " ") for end in seen))
+    return Table("How actions ended", columns, tuple(rows), " ".join(end.sentence for end in seen))
 
 
 def metrics_table(title: str, metrics: Mapping[str, Mapping[str, float]], order: Sequence[str] = ()) -> Table:
