@@ -44,6 +44,7 @@ METHODS: dict[str, Method] = {
     "trust-sdf": Method("learned", "trust-sdf", "none", "A small classifier on signed distances."),
     "trust-sdf+recovery": Method("learned", "trust-sdf", "learned-sdf", "The small classifier, with recovery."),
     "accept-all": Method("learned", "accept-all", "none", "The same dynamics, trusted everywhere."),
+    "accept-all+arms": Method("learned", "arms", "none", "Trusted everywhere that the arms can reach."),
     "full-dynamics": Method("full", "accept-all", "none", "Dynamics that learn the obstacles too, no check."),
     "collision-check": Method("learned", "collision", "none", "A collision check made by hand."),
     "spread-threshold": Method("learned", "spread", "none", "Trust where the ensemble agrees."),
@@ -95,6 +96,7 @@ DYNAMICS: dict[str, Callable[[Models], Dynamics]] = {
 
 CHECKS: dict[str, Callable[[Models], TransitionCheck]] = {
     "accept-all": lambda models: AcceptAll(),
+    "arms": lambda models: within_reach(AcceptAll(), models.scenario),
     "collision": lambda models: within_reach(
         CollisionCheck(models.scenario.layout, models.scenario.rope_radius), models.scenario
     ),
@@ -104,7 +106,8 @@ CHECKS: dict[str, Callable[[Models], TransitionCheck]] = {
 }
 """Others come by entry points in `fairlead.checks`: a function of the models.
 
-The classifiers and the collision check know what the scenario's arms can do; the others know no geometry at all.
+The classifiers and the collision check know what the scenario's arms can do. So does "arms", and nothing else: it tells
+what knowing the arms is worth without trust. The others know no geometry at all.
 """
 
 RECOVERIES: dict[str, Callable[[Models], RecoveryPolicy]] = {

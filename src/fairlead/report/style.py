@@ -22,6 +22,7 @@ _METHODS = {
     "trust-sdf": ("#009e73", "-"),
     "trust-sdf+recovery": ("#009e73", "--"),
     "accept-all": ("#d55e00", "-"),
+    "accept-all+arms": ("#d55e00", "--"),
     "full-dynamics": ("#cc79a7", "-"),
     "collision-check": ("#b8860b", "-"),
     "spread-threshold": ("#7b5ea7", "-"),

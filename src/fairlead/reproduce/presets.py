@@ -102,8 +102,8 @@ _DUAL_DESK = Preset(
     trust=TrustConfig("voxel", planar=False, hidden=128, grid=COARSE_GRID_3D, limit=8000, stages=(Stage(3, 64),)),
     trust_sdf=TrustConfig("sdf", planar=False, limit=100_000, stages=(Stage(6, 256),)),
     recovery=RecoveryConfig(limit=1500),
-    methods=("trust+recovery", "trust+random-recovery", "trust", "trust-sdf+recovery", "accept-all", "full-dynamics",
-             "collision-check", "spread-threshold"),
+    methods=("trust+recovery", "trust+random-recovery", "trust", "trust-sdf+recovery", "accept-all", "accept-all+arms",
+             "full-dynamics", "collision-check", "spread-threshold"),
     scenes=16,
 )  # fmt: skip
 
