@@ -83,7 +83,10 @@ def test_the_first_plan_is_judged_after_it_was_executed_whole():
     at_goal = trial(toy_task(goal=tail_goal(-0.7, 0.0)))
     assert (at_goal.plans, at_goal.reached_at_s, at_goal.first_plan_success) == (0, 0.0, None)
     stuck = trial(scripted_task([None]))
-    assert (stuck.first_plan_success, stuck.first_plan_error_m) == (False, stuck.error_m)
+    assert (stuck.times_stuck > 0, stuck.first_plan_success, stuck.first_plan_error_m) == (True, None, None)
+    recovered = trial(scripted_task([None, 3], RandomRecovery(SAMPLER)), Budget(extensions=200))
+    assert recovered.times_stuck == 1
+    assert recovered.first_plan_error_m not in (None, GOAL.error(START))
     goes_on = trial(scripted_task([0, 3]), Budget(extensions=200))
     assert goes_on.first_plan_error_m == GOAL.error(START) != goes_on.error_m
     cut = trial(scripted_task([9]), Budget(seconds=3.5), clock=lambda: 0.0)

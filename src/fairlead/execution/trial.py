@@ -55,8 +55,9 @@ class TrialResult:
 
     planning_s [s] is wall time and 0 under a counted budget, which reads no clock; execution_s [s] is simulated.
     reached_at_s [s] is when the goal was seen to be reached, None if it was not: success within a smaller budget is
-    reached_at_s at most that. first_plan_success and first_plan_error_m [m] are of the state after the first planning
-    attempt was executed whole (a stuck one: the start); None if the trial ended before that. action_outcomes counts how
+    reached_at_s at most that. first_plan_success and first_plan_error_m [m] are of the state after the first plan
+    was executed whole (planning that is stuck yields none: recovery may come before); None if the trial ended before
+    that. action_outcomes counts how
     the actions ended, by the label of the `ActionOutcome`, those of recovery included.
     """
 
@@ -176,15 +177,13 @@ class _Trial:
             if self._out_of_time or self._diverged:
                 return
             self._execute(action, recovery=False)
-        if self._plans == 1 and not self._diverged:
+        if self._first is None and not self._diverged:
             self._first = self._reached, self._error
 
     def _recover(self) -> bool:
         """One recovery action; false where the policy declines."""
         self._stuck += 1
         self._stuck_here += 1
-        if self._plans == 1:
-            self._first = False, self._error
         rng = stream(self._seed, "recovery", self._recoveries)
         self._meter.start_planning()
         try:
