@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from jaxtyping import Float
 
@@ -69,7 +69,7 @@ class SideCheck(TransitionCheck):
 
 def test_stuck_states_are_paired_with_their_action_successor_and_environment() -> None:
     data = trajectories(20, 8, 4, np.random.default_rng(0))
-    found = recovery_examples(DYNAMICS, SideCheck(0.1), SAMPLER, data, 8, 10**6, np.random.default_rng(1))
+    found = recovery_examples(DYNAMICS, SideCheck(0.1), SAMPLER, data, 8, 10**6, 0.0, np.random.default_rng(1))
     stuck = data.states[:, :-1, 0] <= 0.1
     assert {tuple(row) for row in found.source.tolist()} == set(zip(*map(list, np.nonzero(stuck)), strict=True))
     for row, (n, t) in enumerate(found.source):
@@ -96,18 +96,29 @@ def test_every_label_is_counted_once(share: list[float]) -> None:
     assert labels["1"] == share.count(1.0)
 
 
+@given(discount=st.floats(0, 0.99))
+@settings(max_examples=10, deadline=None)
+def test_a_discounted_label_is_the_best_of_what_comes_later(discount: float) -> None:
+    data = trajectories(20, 8, 4, np.random.default_rng(0))
+    found = recovery_examples(DYNAMICS, SideCheck(0.1), SAMPLER, data, 8, 10**6, discount, np.random.default_rng(1))
+    free = data.states[:, :, 0] > 0.1
+    for label, (n, t) in zip(found.share, found.source, strict=True):
+        later = np.flatnonzero(free[n, t + 1 :])
+        assert label == pytest.approx(discount ** later[0] if len(later) else 0.0)
+
+
 def test_a_few_transitions_of_many_scenes_may_be_examined() -> None:
     data = trajectories(20, 8, 10, np.random.default_rng(0))
     network = LearnedCheck(build_network(LAYOUT, TrustConfig("sdf", hidden=8), 0))
-    found = recovery_examples(DYNAMICS, network, SAMPLER, data, 6, 3, np.random.default_rng(1))
-    assert found.examined == 3
-    assert len(found) <= 3
+    found = recovery_examples(DYNAMICS, network, SAMPLER, data, 6, 3, 0.0, np.random.default_rng(1))
+    assert found.examined == 8, "one trajectory at least"
+    assert len(found) <= 8
 
 
 @pytest.mark.parametrize("config", [TrustConfig("sdf", hidden=8), VOXEL])
 def test_inputs_of_the_head_belong_to_their_own_row(config: TrustConfig) -> None:
     data = trajectories(12, 5, 3, np.random.default_rng(3))
-    found = recovery_examples(DYNAMICS, SideCheck(0.0), SAMPLER, data, 4, 10**6, np.random.default_rng(1))
+    found = recovery_examples(DYNAMICS, SideCheck(0.0), SAMPLER, data, 4, 10**6, 0.0, np.random.default_rng(1))
     trust = build_network(LAYOUT, config, 0)
     together = head_inputs(trust, data, found).numpy()
     with torch.inference_mode():
@@ -144,7 +155,7 @@ def test_training_learns_which_way_out_saves_and_loads(network: str, tmp_path: P
     settings = RecoveryConfig(samples=16, stages=(Stage(25, 64, 3e-3),), patience=25)
 
     # The role is a learned check's features with another verdict: what is stuck is known exactly.
-    stuck = recovery_examples(DYNAMICS, SideCheck(0.3), SAMPLER, data.train, 4, 10**6, np.random.default_rng(0))
+    stuck = recovery_examples(DYNAMICS, SideCheck(0.3), SAMPLER, data.train, 4, 10**6, 0.0, np.random.default_rng(0))
     assert 0.02 < stuck.share.mean() < 0.5
 
     @final

@@ -35,7 +35,8 @@ class RecoveryConfig:
     Args:
         samples: N_rs, actions sampled to see whether a state is stuck, and to choose from.
         hidden: units of each of the two hidden layers.
-        limit: most transitions of a split that are examined; a uniform sample beyond it.
+        limit: most transitions of a split that are examined; a uniform sample of trajectories beyond it.
+        discount: of what is reached later in the trajectory; 0 labels by the next state alone (the paper's).
         stages: minibatches of stuck states.
         patience: epochs without improvement after which a stage ends.
     """
@@ -43,12 +44,15 @@ class RecoveryConfig:
     samples: int = 32
     hidden: int = 128
     limit: int = 100_000
+    discount: float = 0.0
     stages: tuple[Stage, ...] = (Stage(10, 64, 1e-3),)
     patience: int = 10
 
     def __post_init__(self) -> None:
         if min(self.samples, self.hidden, self.limit, len(self.stages)) < 1:
             raise FairleadError("recovery: samples, hidden, limit and the number of stages must be positive")
+        if not 0 <= self.discount < 1:
+            raise FairleadError(f"recovery: discount {self.discount}: at least 0 and below 1 is needed")
 
 
 @dataclass(frozen=True)
@@ -181,8 +185,8 @@ def train_recovery(
     started, trust = time.monotonic(), check.network
     found: dict[str, RecoveryExamples] = {}
     for name in ("train", "validation", "test"):
-        split, rng = getattr(data, name), stream(job.seed, "recovery", name)
-        found[name] = recovery_examples(dynamics, trusted, sampler, split, config.samples, config.limit, rng)
+        split, rng, c = getattr(data, name), stream(job.seed, "recovery", name), config
+        found[name] = recovery_examples(dynamics, trusted, sampler, split, c.samples, c.limit, c.discount, rng)
     metrics: dict[str, Any] = {"trained": len(found["train"]) >= ENOUGH and len(found["validation"]) > 0}
     metrics |= {name: examples.counts() for name, examples in found.items()}
     head = None

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +19,8 @@ _ROWS = 1024
 
 @dataclass(frozen=True)
 class RecoveryExamples:
-    """Transitions (s^t, a^t, s^{t+1}) whose start is stuck. share[n] is the accepted part of actions at s^{t+1}.
+    """Transitions (s^t, a^t, s^{t+1}) whose start is stuck. share[n], the label, is what s^{t+1} is worth: the accepted
+    part of actions there, or discounted what came later.
 
     source[n] is (trajectory, t) in the data; scene[n] its environment. `examined` transitions were looked at.
     """
@@ -59,6 +62,8 @@ def accepted(
     rng: np.random.Generator,
 ) -> Bool[np.ndarray, "batch count"]:
     """Whether the check accepts what the dynamics predict for each of `count` random actions in each state."""
+    if not len(states):
+        return np.empty((0, count), bool)
     encodings = check.encode(environment, states)
     repeated, encoded = np.repeat(states, count, axis=0), np.repeat(encodings, count, axis=0)
     actions = sampler.propose(repeated, rng)
@@ -78,34 +83,46 @@ def recovery_examples(
     data: Trajectories,
     samples: int,
     limit: int,
+    discount: float,
     rng: np.random.Generator,
 ) -> RecoveryExamples:
     """Find the stuck states of recorded trajectories: those where none of `samples` random actions is accepted.
 
-    No more than `limit` transitions are examined, a uniform sample. A few actions are tried at a time, and only while a
-    state may still be stuck: most are not.
+    The label of a transition from a stuck state is the accepted part of `samples` actions at the next state (discount
+    0, the paper's), or what a later state of the trajectory is worth, times `discount` for each further action, if that
+    is more: out of a deep tangle no single action leads, but some are on the way.
+
+    Whole trajectories are examined, a uniform sample of no more than `limit` transitions (one trajectory at least).
     """
-    trajectories, steps = data.actions.shape[:2]
-    every = rng.permutation(trajectories * steps)[:limit]
-    source = np.stack(np.divmod(np.sort(every), steps), axis=1)
-    rows, shares = [np.empty(0, np.intp)], [np.empty(0)]
-    scenes = data.scene[source[:, 0]]
+    steps = data.actions.shape[1]
+    chosen = np.sort(rng.permutation(len(data))[: max(1, limit // steps)])
+    states, scenes = data.states[chosen], data.scene[chosen]
+    share = np.full(states.shape[:2], np.nan)
     for scene in np.unique(scenes):
-        environment = data.environments[scene]
-        candidates = np.flatnonzero(scenes == scene)
-        for tried in range(0, samples, _SCREEN):
-            states = data.states[tuple(source[candidates].T)]
-            count = min(_SCREEN, samples - tried)
-            free = accepted(dynamics, check, sampler, environment, states, count, rng).any(axis=1)
-            candidates = candidates[~free]
-            if not len(candidates):
-                break
-        else:
-            after = data.states[source[candidates, 0], source[candidates, 1] + 1]
-            rows.append(candidates)
-            shares.append(accepted(dynamics, check, sampler, environment, after, samples, rng).mean(axis=1))
-    stuck = source[np.concatenate(rows)]
-    where = tuple(stuck.T)
+        rows, environment = np.flatnonzero(scenes == scene), data.environments[scene]
+        ask = partial(accepted, dynamics, check, sampler, environment, rng=rng)
+        inside = states[rows]
+        stuck = _stuck(inside.reshape(-1, inside.shape[-1]), samples, ask).reshape(inside.shape[:2])
+        after = ~stuck & (np.cumsum(stuck, axis=1) > 0)
+        found = np.where(stuck, 0.0, np.nan)
+        found[after] = ask(inside[after], samples).mean(axis=1)
+        share[rows] = found
+    value = share.copy()
+    for t in range(steps - 1, 0, -1):
+        value[:, t] = np.fmax(value[:, t], discount * value[:, t + 1])
+    row, t = np.nonzero(share[:, :-1] == 0)
+    source = np.stack([chosen[row], t], axis=1)
     return RecoveryExamples(
-        data.states[where], data.actions[where], np.concatenate(shares), data.scene[stuck[:, 0]], stuck, len(source)
+        states[row, t], data.actions[chosen[row], t], value[row, t + 1], scenes[row], source, len(chosen) * steps
     )
+
+
+def _stuck(
+    states: Float[np.ndarray, "batch state"], samples: int, ask: Callable[..., Bool[np.ndarray, "some count"]]
+) -> Bool[np.ndarray, " batch"]:
+    """Where none of `samples` actions is accepted. A few are tried at a time, only while a state may be stuck."""
+    left = np.arange(len(states))
+    for tried in range(0, samples, _SCREEN):
+        if len(left):
+            left = left[~ask(states[left], min(_SCREEN, samples - tried)).any(axis=1)]
+    return np.isin(np.arange(len(states)), left)
