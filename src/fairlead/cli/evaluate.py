@@ -33,6 +33,8 @@ class Command:
     """Of each trial: seconds=N, or extensions=N, which makes the trials reproducible to the bit."""
     protocol: str = "fair"
     """paper: a trial that is stuck without recovery ends; fair: it plans again, 100 times from one state at most."""
+    other: str | None = None
+    """Execute in a world other than that of training: mockup, or differences such as friction=0.5,mass=2."""
     planner: str = "rrt"
     """rrt (batched), ompl, or one that is installed."""
     seed: int = 0
@@ -54,6 +56,7 @@ class Command:
         from fairlead.evaluation.bench import TrialsConfig
         from fairlead.evaluation.trials import Trials
         from fairlead.execution.trial import Protocol
+        from fairlead.scenarios.other_world import Differences
 
         config = TrialsConfig(
             scenario=self.scenario,
@@ -67,6 +70,7 @@ class Command:
             limit=self.limit,
             traced=self.traced,
             reference=self.reference,
+            differences=None if self.other is None else Differences.parse(self.other),
         )
         trials = Trials(config, self.out)
         with progress_bar(f"{self.scenario} {self.scenes.stem}", len(trials.missing), "trials") as advance:

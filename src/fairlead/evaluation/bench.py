@@ -13,14 +13,17 @@ import numpy as np
 from fairlead.core import plugins
 from fairlead.core.budget import Budget
 from fairlead.core.errors import FairleadError
-from fairlead.core.streams import stream_seed
+from fairlead.core.roles import World
+from fairlead.core.streams import stream, stream_seed
 from fairlead.evaluation.methods import Models, Parts, find_method
 from fairlead.execution.trace import NoTrace, Recorder, TraceFolder
 from fairlead.execution.trial import Protocol, Task, run_trial
 from fairlead.planning.ompl import OmplRRT
 from fairlead.planning.problem import PAPER, Planner, Problem, SearchSettings
 from fairlead.planning.rrt import BatchedRRT
+from fairlead.scenarios.other_world import Differences, other_world
 from fairlead.scenarios.registry import scenario as find_scenario
+from fairlead.scenarios.scene_files import Scene
 
 Row = dict[str, Any]
 
@@ -45,6 +48,7 @@ class TrialsConfig:
         traced: traces are kept of the first seed in the first so many scenes.
         reference: the method that is compared with each of the others. None: what was stated for these trials before,
             else the first in the table of methods.
+        differences: of the world of execution from that of training.
     """
 
     scenario: str
@@ -58,6 +62,7 @@ class TrialsConfig:
     limit: int | None = None
     traced: int = 5
     reference: str | None = None
+    differences: Differences | None = None
 
     def __post_init__(self) -> None:
         for name in ("methods", "seeds"):
@@ -118,14 +123,24 @@ class Bench:
             "seed": job.seed,
         }
         budget = scaled(self.config.budget, method.budget_scale)
-        world = scenario.simulate([scene.obstacles], scene.state(scenario.layout)[None])
-        if not np.isfinite(world.residual[0]):
+        world, residual = self._world(scene, job.seed)
+        if not np.isfinite(residual):
             raise FairleadError(f"scene '{scene.name}': the simulation diverges where the rope is laid at its points")
         seed = stream_seed(job.seed, "trial", scenario.name, scene.name)
         task = Task(environment, goal, plan, recovery)
         result = run_trial(world, task, budget, self.config.protocol, seed, _recorder(job, names))
         about = {"budget": str(budget), "protocol": self.config.protocol.label}
-        return names | result.row() | about | {"start_residual_m": round(float(world.residual[0]), 6)}
+        return names | result.row() | about | {"start_residual_m": round(residual, 6)}
+
+    def _world(self, scene: Scene, seed: int) -> tuple[World, float]:
+        """The world of a trial, and how far from the scene's points its rope has settled [m]."""
+        start, differences = scene.state(self.scenario.layout), self.config.differences
+        if differences is None:
+            world = self.scenario.simulate([scene.obstacles], start[None])
+            return world, float(world.residual[0])
+        rng = stream(seed, "other world", self.scenario.name, scene.name)
+        other = other_world(self.scenario, scene.obstacles, start, differences, rng)
+        return other, float(other.inner.residual[0])
 
 
 def scaled(budget: Budget, factor: float) -> Budget:

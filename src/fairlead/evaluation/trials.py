@@ -111,6 +111,7 @@ def identity(bench: Bench) -> dict[str, Any]:
         "budget": str(config.budget),
         "protocol": config.protocol.label,
         "planner": config.planner,
+        "differences": "" if config.differences is None else str(config.differences),
     }
 
 

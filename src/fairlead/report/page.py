@@ -102,12 +102,17 @@ def _trial_section(trials: TrialSet, save: _Figures, name: str, clips: list[Clip
     scenes, seeds = len(trials.scenes), len({row["seed"] for row in trials.rows})
     budget = Budget.parse(config["budget"])
     timed = math.isfinite(budget.seconds)
+    other = (
+        f" Executed in another world than that of training: {config['differences']}."
+        if config.get("differences")
+        else ""
+    )
     clock = "" if timed else " A counted budget does not look at the clock: times are those of execution alone."
     section = _Section(
         title=f"{config['scenario']}: {name}",
         lead=f"{counted(scenes, 'scene')} of {config['scenes']}.json, {counted(seeds, 'seed')}; every method on the "
         f"same scenes, starts, goals and seeds. Budget {budget} a trial, protocol “{config['protocol']}”, "
-        f"{config['planner']} planner.{clock}",
+        f"{config['planner']} planner.{other}{clock}",
         bars=_bars(summary),
         tables=[tables.success_table(summary, str(budget)), tables.error_table(summary, config["scenario"])],
         matrix=_matrix(trials),

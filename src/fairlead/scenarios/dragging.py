@@ -19,7 +19,7 @@ from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box, Obstacle
 from fairlead.scenarios.dragging_world import ARENA, LAYOUT, WALLS, DraggingWorld, Gripper
 from fairlead.scenarios.obstacles import place_apart
-from fairlead.scenarios.rope import PlanarRope
+from fairlead.scenarios.rope import PlanarRope, RopeFactors
 from fairlead.scenarios.scenario import Scenario
 from fairlead.scenarios.scene_files import GoalSpec, Scene
 
@@ -70,6 +70,9 @@ class Dragging(Scenario):
 
     def simulate_unconstrained(self, states: Float[np.ndarray, "batch state"], threads: int = 1) -> DraggingWorld:
         return DraggingWorld(None, np.asarray(states, float), threads, self.rope, self.gripper)
+
+    def altered(self, factors: RopeFactors) -> Dragging:
+        return Dragging(self.rope.altered(factors), self.gripper)
 
     def backdrop(self) -> mujoco.MjModel:
         spec = mujoco.MjSpec()

@@ -21,6 +21,7 @@ from fairlead.geometry.shapes import Box, Obstacle, box_distance
 from fairlead.scenarios.dual_arm_world import LAYOUT, TABLE, DualArmWorld, Grippers
 from fairlead.scenarios.hanging_rope import HangingRope
 from fairlead.scenarios.iiwa import add_torso, dual_iiwa
+from fairlead.scenarios.rope import RopeFactors
 from fairlead.scenarios.scenario import Scenario
 from fairlead.scenarios.scene_files import GoalSpec, Scene
 
@@ -83,6 +84,9 @@ class DualArm(Scenario):
 
     def simulate_unconstrained(self, states: Float[np.ndarray, "batch state"], threads: int = 1) -> DualArmWorld:
         return DualArmWorld(None, np.asarray(states, float), threads, self.rope, self.motion, None)
+
+    def altered(self, factors: RopeFactors) -> DualArm:
+        return DualArm(self.rope.altered(factors), self.motion)
 
     def backdrop(self) -> mujoco.MjModel:
         spec = mujoco.MjSpec()

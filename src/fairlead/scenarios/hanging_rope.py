@@ -8,7 +8,7 @@ Hinges bend but do not twist, so that a rope has no state that its points do not
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import mujoco
@@ -17,7 +17,7 @@ from jaxtyping import Float
 from scipy.optimize import brentq
 
 from fairlead.core.errors import FairleadError
-from fairlead.scenarios.rope import OBSTACLE_BIT
+from fairlead.scenarios.rope import OBSTACLE_BIT, RopeFactors
 
 ROPE_BIT = 4
 """Collision bit: the rope touches obstacles and itself, except that neighbouring links do not touch."""
@@ -37,6 +37,7 @@ class HangingRope:
         armature: inertia added to each hinge [kg m^2]; it keeps a taut rope stable.
         bend_limit: of the second hinge of a pair [rad]; at a quarter turn the pair locks. The first has none.
         friction: sliding [1], torsional [m] and rolling [m] friction coefficients.
+        stiffness: of each hinge [N m / rad].
     """
 
     links: int = 25
@@ -47,12 +48,25 @@ class HangingRope:
     armature: float = 2e-4
     bend_limit: float = float(np.radians(85))
     friction: tuple[float, float, float] = (1.0, 0.01, 0.01)
+    stiffness: float = 0.0
 
     def __post_init__(self) -> None:
         if self.links < 3 or self.links % 2 == 0:
             raise FairleadError(f"links {self.links}: an odd number of at least 3 is needed")
         if min(self.link_length, self.radius, self.link_mass, self.damping, self.bend_limit) <= 0:
             raise FairleadError("a rope has positive lengths, mass, damping and bend limit")
+
+    def altered(self, factors: RopeFactors) -> HangingRope:
+        """Another rope."""
+        sliding, torsional, rolling = self.friction
+        return replace(
+            self,
+            link_mass=self.link_mass * factors.mass,
+            friction=(sliding * factors.friction, torsional * factors.friction, rolling * factors.friction),
+            damping=self.damping * factors.damping,
+            link_length=self.link_length * factors.length,
+            stiffness=factors.stiffness,
+        )
 
     @property
     def length(self) -> float:
@@ -77,7 +91,8 @@ class HangingRope:
                 body = parent.add_body(name=f"link{i}", pos=[sign * (half if k == 1 else 2 * half), 0, 0])
                 for axis, direction in (("y", [0, 1, 0]), ("z", [0, 0, 1])):
                     body.add_joint(name=f"{axis}{i}", axis=direction, damping=self.damping, armature=self.armature,
-                                   limited=axis == "z", range=[-self.bend_limit, self.bend_limit])  # fmt: skip
+                                   stiffness=self.stiffness, limited=axis == "z",
+                                   range=[-self.bend_limit, self.bend_limit])  # fmt: skip
                 self._add_link(body, i, sign * half)
                 parent = body
             end = parent.add_site(name=f"{side}_end", pos=[2 * sign * half, 0, 0])

@@ -9,7 +9,7 @@ own, whose contact with the floor gives the sliding friction mu m g. See docs/ad
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import mujoco
@@ -20,6 +20,18 @@ from fairlead.core.errors import FairleadError
 
 FLOOR_BIT, OBSTACLE_BIT = 1, 2
 """Collision bits: feet touch the floor, links and grippers touch obstacles, nothing else touches."""
+
+
+@dataclass(frozen=True)
+class RopeFactors:
+    """How another rope differs: factors on mass, friction, damping and length, and the stiffness of its joints
+    [N m / rad]."""
+
+    mass: float = 1.0
+    friction: float = 1.0
+    damping: float = 1.0
+    length: float = 1.0
+    stiffness: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -35,6 +47,7 @@ class PlanarRope:
         friction: sliding friction coefficient on the floor and on obstacles.
         bend_limit: largest angle between two links [rad].
         damping: of each hinge [N m s / rad].
+        stiffness: of each hinge between two links [N m / rad].
     """
 
     links: int = 10
@@ -45,11 +58,23 @@ class PlanarRope:
     friction: float = 0.1
     bend_limit: float = float(np.radians(160))
     damping: float = 4e-3
+    stiffness: float = 0.0
 
     def __post_init__(self) -> None:
         lengths = (self.link_length, self.radius, self.link_mass, self.bend_limit)
         if self.links < 2 or min(lengths) <= 0 or self.grip_offset < 0:
             raise FairleadError("a rope has at least two links, and positive lengths, mass and bend limit")
+
+    def altered(self, factors: RopeFactors) -> PlanarRope:
+        """Another rope."""
+        return replace(
+            self,
+            link_mass=self.link_mass * factors.mass,
+            friction=self.friction * factors.friction,
+            damping=self.damping * factors.damping,
+            link_length=self.link_length * factors.length,
+            stiffness=factors.stiffness,
+        )
 
     @property
     def height(self) -> float:
@@ -62,8 +87,8 @@ class PlanarRope:
         for i in reversed(range(self.links)):
             first = i == self.links - 1
             body = parent.add_body(name=f"link{i}", pos=[x, 0, 0])
-            limits = {} if first else {"limited": True, "range": [-self.bend_limit, self.bend_limit]}
-            body.add_joint(name=f"hinge{i}", axis=[0, 0, 1], damping=self.damping, **limits)
+            bend = {"limited": True, "range": [-self.bend_limit, self.bend_limit], "stiffness": self.stiffness}
+            body.add_joint(name=f"hinge{i}", axis=[0, 0, 1], damping=self.damping, **({} if first else bend))
             centre = self.grip_offset if first else self.link_length / 2
             end = centre + self.link_length / 2
             start = 0.0 if first else centre - self.link_length / 2

@@ -13,12 +13,14 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
 from fairlead.core.roles import Environment, Goal
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Obstacle
 from fairlead.scenarios.arms import Arms
 from fairlead.scenarios.render import SceneRenderer
+from fairlead.scenarios.rope import RopeFactors
 from fairlead.scenarios.scene_files import Scene, SceneSet, read_scenes
 from fairlead.scenarios.simulate import SimulatedWorld
 
@@ -57,6 +59,15 @@ class Scenario(ABC):
     @abstractmethod
     def simulate_unconstrained(self, states: Float[np.ndarray, "batch state"], threads: int = 1) -> SimulatedWorld:
         """As `simulate`, without any physical constraint: where the dynamics are learned (phase 1)."""
+
+    def altered(self, factors: RopeFactors) -> Scenario:
+        """The same scenario with another rope, for execution that is not the simulator of training.
+
+        Raises:
+            FairleadError: this scenario knows no other rope.
+        """
+        del factors
+        raise FairleadError(f"scenario '{self.name}' knows no rope but its own")
 
     @abstractmethod
     def backdrop(self) -> mujoco.MjModel:
