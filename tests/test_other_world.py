@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from fairlead.core.contracts import check_world
 from fairlead.core.errors import FairleadError
 from fairlead.core.streams import stream
-from fairlead.scenarios.other_world import MOCKUP, Differences, other_world
+from fairlead.scenarios.dual_arm import POSE
+from fairlead.scenarios.other_world import MOCKUP, Differences, misplaced, other_world
+from fairlead.scenarios.panda import SHOULDER, TILT, TIP, dual_panda
 from fairlead.scenarios.registry import scenario
 from fairlead.scenarios.rope import RopeFactors
 
@@ -51,13 +56,16 @@ def test_every_difference_at_once_is_still_a_world_and_another_one(name: str) ->
 
 @given(mass=factors, friction=factors, sensing_m=st.floats(0, 0.01), stiffness=st.floats(0, 0.1))
 def test_differences_are_read_as_they_are_written(**values: float) -> None:
-    written = Differences(**{name: float(f"{value:g}") for name, value in values.items()})
+    written = replace(Differences(), **{name: float(f"{value:g}") for name, value in values.items()})
     if str(written):
         assert Differences.parse(str(written)) == written
+    assert Differences.parse("arms=panda,mass=2") == Differences(mass=2.0, arms="panda")
     assert Differences.parse("mockup") == MOCKUP == Differences.parse(str(MOCKUP))
 
 
-@pytest.mark.parametrize("text", ["", "mass", "mass=heavy", "wind=3", "mass=0", "friction=-1", "sensing_m=nan"])
+@pytest.mark.parametrize(
+    "text", ["", "mass", "mass=heavy", "wind=3", "mass=0", "friction=-1", "delay_s=nan", "arms=six"]
+)
 def test_what_is_no_difference_is_refused_in_one_line(text: str) -> None:
     with pytest.raises(FairleadError, match=r"^[^\n]*difference[^\n]*$"):
         Differences.parse(text)
@@ -65,10 +73,8 @@ def test_what_is_no_difference_is_refused_in_one_line(text: str) -> None:
 
 @given(seed=st.integers(0, 2**32))
 def test_obstacles_stay_near_where_planning_sees_them(seed: int) -> None:
-    from fairlead.scenarios.other_world import _misplaced
-
     obstacle = scenario("dragging").random_obstacles(np.full(33, 0.02), stream(1, "obstacle"))[0]
-    moved = _misplaced(obstacle, 0.005, np.random.default_rng(seed))
+    moved = misplaced(obstacle, 0.005, np.random.default_rng(seed))
     shifts = np.subtract([box.position for box in moved.boxes], [box.position for box in obstacle.boxes])
     assert (np.linalg.norm(shifts, axis=1) <= 0.005 + 1e-12).all()
     assert np.ptp(shifts, axis=0).max() < 1e-12
@@ -83,3 +89,18 @@ def test_another_rope_is_heavier_longer_and_rubs_more(name: str) -> None:
     assert np.allclose(rope.friction, np.multiply(3, world.rope.friction))  # type: ignore[attr-defined]
     assert (rope.damping, rope.stiffness) == (4 * world.rope.damping, 0.01)  # type: ignore[attr-defined]
     assert rope.link_length == 1.1 * world.rope.link_length  # type: ignore[attr-defined]
+
+
+def test_the_other_arms_are_the_published_chain_and_reach_over_the_table() -> None:
+    """At all angles zero, by hand: 0.333 + 0.316 + 0.384 m up, 0.088 m out, the hand pointing back down."""
+    arms = dual_panda()
+    posture = arms.kinematics.forward(np.zeros((7, 2, 1)))
+    for arm, side in enumerate((1, -1)):
+        base = Rotation.from_euler("xy", (side * TILT[0], TILT[1]), degrees=True)
+        tip = base.apply([0.088, 0.0, 0.333 + 0.316 + 0.384 - TIP]) + np.multiply(SHOULDER, [1, side, 1])
+        np.testing.assert_allclose(posture.tips[:, arm, 0], tip, atol=1e-9)
+    grippers = stream(4, "reach").uniform(POSE[0], POSE[1], (100, 2, 3))
+    joints, reached = arms.grasp(grippers)
+    assert reached.mean() > 0.95
+    down = arms.kinematics.forward(np.ascontiguousarray(joints.T)).directions[2]
+    assert np.quantile(down, 0.9) < -0.8

@@ -17,6 +17,7 @@ from fairlead.geometry.fields import BoxEnvironment
 from fairlead.geometry.goals import PointGoal
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box, Obstacle
+from fairlead.scenarios.arms import Arms
 from fairlead.scenarios.dragging_world import ARENA, LAYOUT, WALLS, DraggingWorld, Gripper
 from fairlead.scenarios.obstacles import place_apart
 from fairlead.scenarios.rope import PlanarRope, RopeFactors
@@ -71,7 +72,7 @@ class Dragging(Scenario):
     def simulate_unconstrained(self, states: Float[np.ndarray, "batch state"], threads: int = 1) -> DraggingWorld:
         return DraggingWorld(None, np.asarray(states, float), threads, self.rope, self.gripper)
 
-    def altered(self, factors: RopeFactors) -> Dragging:
+    def altered(self, factors: RopeFactors, arms: Arms | None = None) -> Dragging:
         return Dragging(self.rope.altered(factors), self.gripper)
 
     def backdrop(self) -> mujoco.MjModel:

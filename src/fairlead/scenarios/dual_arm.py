@@ -18,6 +18,7 @@ from fairlead.geometry.fields import BoxEnvironment
 from fairlead.geometry.goals import PointGoal
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box, Obstacle, box_distance
+from fairlead.scenarios.arms import Arms
 from fairlead.scenarios.dual_arm_world import LAYOUT, TABLE, DualArmWorld, Grippers
 from fairlead.scenarios.hanging_rope import HangingRope
 from fairlead.scenarios.iiwa import add_torso, dual_iiwa
@@ -53,14 +54,16 @@ _REACHED = tuple(ActionOutcome).index(ActionOutcome.TARGET)
 
 @final
 class DualArm(Scenario):
-    """The dual-arm scenario. `rope` and `motion` are the physics; see docs/adr/0004."""
+    """The dual-arm scenario. `rope` and `motion` are the physics, see docs/adr/0004; `arms` carry the grippers."""
 
     name = "dual_arm"
     layout = LAYOUT
     paper_data = (2048, 10), (5996, 20)
 
-    def __init__(self, rope: HangingRope | None = None, motion: Grippers | None = None) -> None:
-        self.rope, self.motion, self._arms = rope or HangingRope(), motion or Grippers(), dual_iiwa()
+    def __init__(
+        self, rope: HangingRope | None = None, motion: Grippers | None = None, arms: Arms | None = None
+    ) -> None:
+        self.rope, self.motion, self._arms = rope or HangingRope(), motion or Grippers(), arms or dual_iiwa()
         self.arms = self._arms
         self.rope_radius, self.link_length = self.rope.radius, self.rope.link_length
         low, high = map(tuple, BOUNDS.tolist())
@@ -85,8 +88,8 @@ class DualArm(Scenario):
     def simulate_unconstrained(self, states: Float[np.ndarray, "batch state"], threads: int = 1) -> DualArmWorld:
         return DualArmWorld(None, np.asarray(states, float), threads, self.rope, self.motion, None)
 
-    def altered(self, factors: RopeFactors) -> DualArm:
-        return DualArm(self.rope.altered(factors), self.motion)
+    def altered(self, factors: RopeFactors, arms: Arms | None = None) -> DualArm:
+        return DualArm(self.rope.altered(factors), self.motion, arms or self._arms)
 
     def backdrop(self) -> mujoco.MjModel:
         spec = mujoco.MjSpec()

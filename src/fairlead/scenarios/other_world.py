@@ -5,9 +5,9 @@ A trial's world is made here, behind the `World` role, as a robot's driver would
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from jaxtyping import Float
@@ -17,9 +17,13 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.records import Executed
 from fairlead.core.roles import World
 from fairlead.geometry.shapes import Obstacle
+from fairlead.scenarios.arms import Arms
+from fairlead.scenarios.panda import dual_panda
 from fairlead.scenarios.rope import RopeFactors
 from fairlead.scenarios.scenario import Scenario
 from fairlead.scenarios.simulate import SimulatedWorld
+
+ARMS: dict[str, Callable[[], Arms | None]] = {"same": lambda: None, "panda": dual_panda}
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,7 @@ class Differences:
         sensing_m: noise of each coordinate of an observed rope point, standard deviation [m].
         delay_s: an action starts so long after it was sent [s].
         misplaced_m: obstacles stand up to so far from where planning sees them, horizontally [m].
+        arms: what carries the grippers where arms do, one of `ARMS`.
     """
 
     mass: float = 1.0
@@ -44,9 +49,12 @@ class Differences:
     sensing_m: float = 0.0
     delay_s: float = 0.0
     misplaced_m: float = 0.0
+    arms: str = "same"
 
     def __post_init__(self) -> None:
-        for name, value in asdict(self).items():
+        if self.arms not in ARMS:
+            raise FairleadError(f"difference arms {self.arms}: allowed: {', '.join(ARMS)}")
+        for name, value in self._numbers().items():
             least = "positive" if name in ("mass", "friction", "damping", "length") else "0 or more"
             if not np.isfinite(value) or value < 0 or (value == 0 and least == "positive"):
                 raise FairleadError(f"difference {name} {value}: a number that is {least} is needed")
@@ -56,26 +64,30 @@ class Differences:
         """`friction=0.5,mass=2`, what is not named staying as in training; or `mockup`, those of the mock-ups."""
         if text == "mockup":
             return MOCKUP
-        known, found = [field.name for field in fields(cls)], {}
+        known = [field.name for field in fields(cls)]
+        found: dict[str, Any] = {}
         for part in text.split(","):
             name, _, value = part.strip().partition("=")
-            try:
-                found[name] = float(value)
-            except ValueError:
-                raise FairleadError(f"difference '{part}': NAME=NUMBER is needed, or mockup alone") from None
             if name not in known:
                 raise FairleadError(f"unknown difference '{name}'; allowed: mockup, {', '.join(known)}")
+            try:
+                found[name] = value if name == "arms" else float(value)
+            except ValueError:
+                raise FairleadError(f"difference '{part}': a number is needed after '{name}='") from None
         return cls(**found)
+
+    def _numbers(self) -> dict[str, float]:
+        return {name: value for name, value in asdict(self).items() if name != "arms"}
 
     def __str__(self) -> str:
         """What differs, as `parse` reads it."""
         nothing = Differences()
         changed = {k: v for k, v in asdict(self).items() if v != getattr(nothing, k)}
-        return ",".join(f"{name}={value:g}" for name, value in changed.items())
+        return ",".join(f"{k}={v if k == 'arms' else format(v, 'g')}" for k, v in changed.items())
 
 
 MOCKUP = Differences(mass=1.5, friction=0.7, damping=2.0, length=1.02, stiffness=0.002, tracking_m=0.003,
-                     sensing_m=0.003, delay_s=0.1, misplaced_m=0.005)  # fmt: skip
+                     sensing_m=0.003, delay_s=0.1, misplaced_m=0.005, arms="panda")  # fmt: skip
 """The world in which the mock-ups of the real tasks are carried out: every difference at once."""
 
 
@@ -92,12 +104,12 @@ def other_world(
         FairleadError: the scenario's rope cannot be altered.
     """
     d = differences
-    altered = scenario.altered(RopeFactors(d.mass, d.friction, d.damping, d.length, d.stiffness))
-    placed = [_misplaced(obstacle, d.misplaced_m, rng) for obstacle in obstacles]
+    altered = scenario.altered(RopeFactors(d.mass, d.friction, d.damping, d.length, d.stiffness), ARMS[d.arms]())
+    placed = [misplaced(obstacle, d.misplaced_m, rng) for obstacle in obstacles]
     return OtherWorld(altered.simulate([placed], start[None]), d, rng)
 
 
-def _misplaced(obstacle: Obstacle, most: float, rng: np.random.Generator) -> Obstacle:
+def misplaced(obstacle: Obstacle, most: float, rng: np.random.Generator) -> Obstacle:
     """Shifted to a random place of a disc."""
     radius, heading = most * np.sqrt(rng.random()), rng.uniform(-np.pi, np.pi)
     shift = (radius * np.cos(heading), radius * np.sin(heading), 0.0)

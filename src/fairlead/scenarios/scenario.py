@@ -60,13 +60,13 @@ class Scenario(ABC):
     def simulate_unconstrained(self, states: Float[np.ndarray, "batch state"], threads: int = 1) -> SimulatedWorld:
         """As `simulate`, without any physical constraint: where the dynamics are learned (phase 1)."""
 
-    def altered(self, factors: RopeFactors) -> Scenario:
-        """The same scenario with another rope, for execution that is not the simulator of training.
+    def altered(self, factors: RopeFactors, arms: Arms | None = None) -> Scenario:
+        """The same scenario with another rope and, where arms carry it, others if given: for execution elsewhere.
 
         Raises:
             FairleadError: this scenario knows no other rope.
         """
-        del factors
+        del factors, arms
         raise FairleadError(f"scenario '{self.name}' knows no rope but its own")
 
     @abstractmethod
