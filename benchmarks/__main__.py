@@ -53,7 +53,7 @@ class Bench:
     def _measure(self, world: Scenario) -> dict[str, Rates]:
         scene = world.random_scene(stream(0, "bench"), "bench")
         dynamics, check = self._networks(world)
-        problem = Problem(world.environment(scene.obstacles), world.goal(scene), dynamics, check, world.sampler)
+        problem = Problem(world.environment(scene.obstacles), scene.goal, dynamics, check, world.sampler)
         start = scene.state(world.layout)
         for nodes, rate in rate_by_tree_size(problem, start).items():
             print(f"planner with {nodes:,} nodes: {rate:,.0f} checked transitions a second", file=sys.stderr)

@@ -9,13 +9,12 @@ import numpy as np
 
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import ActionOutcome, Executed
-from fairlead.core.roles import Goal
 from fairlead.geometry.fields import BoxEnvironment
-from fairlead.geometry.goals import PointGoal
+from fairlead.geometry.goals import point_goal
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box, Obstacle, box_distance
 from fairlead.scenarios.scenario import Scenario
-from fairlead.scenarios.scene_files import GoalSpec, Scene
+from fairlead.scenarios.scene_files import Scene
 from fairlead.scenarios.simulate import SimulatedWorld
 
 LAYOUT = StateLayout(("gripper",), 4)
@@ -97,9 +96,6 @@ class FakeScenario(Scenario):
         bounds = np.array([[-1.0, -1.0, -0.01], [1.0, 1.0, 0.01]])
         return BoxEnvironment([box for obstacle in obstacles for box in obstacle.boxes], bounds, resolution=0.05)
 
-    def goal(self, scene: Scene) -> Goal:
-        return PointGoal(LAYOUT, 0, scene.goal.position, scene.goal.radius)
-
     def simulate(self, obstacles: Sequence[Sequence[Obstacle]], states: np.ndarray, threads: int = 1) -> FakeWorld:
         del threads
         return FakeWorld(obstacles, states, self.fragile)
@@ -129,7 +125,7 @@ class FakeScenario(Scenario):
     def random_scene(self, rng: np.random.Generator, name: str) -> Scene:
         state = self.random_start(rng)
         points = tuple(tuple(map(float, point)) for point in LAYOUT.points_of(state))
-        goal = GoalSpec("tail", (*map(float, rng.uniform(-0.7, 0.7, 2)), 0.0), 0.05)
+        goal = point_goal(LAYOUT, "tail", (*rng.uniform(-0.7, 0.7, 2), 0.0), 0.05)
         return Scene(name, self.random_obstacles(state, rng), {"gripper": tuple(map(float, state[:3]))}, points, goal)
 
     def validate(self, scene: Scene) -> None:

@@ -1,4 +1,4 @@
-"""Laws of geometry: exact distances, fields, motion and goals."""
+"""Laws of geometry: exact distances, fields, and motion."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.roles import Environment
 from fairlead.geometry.distance import model_error, point_error
 from fairlead.geometry.fields import BoxEnvironment, GridEnvironment
-from fairlead.geometry.goals import PointGoal
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box, Obstacle, box_distance
 
@@ -227,17 +226,3 @@ def test_redrawing_keeps_only_what_may_be_kept(seed: int) -> None:
     same = (sampler.redraw(before, keep, rng) == before).all(axis=(1, 2))
     assert not same[~keep].any()
     assert 0.7 < same[keep].mean() < 0.9
-
-
-@given(seed=seeds, point=st.integers(0, 2), radius=st.floats(0.01, 0.5))
-def test_states_sampled_in_a_goal_reach_it_and_keep_their_shape(seed: int, point: int, radius: float) -> None:
-    rng = np.random.default_rng(seed)
-    goal = PointGoal(LAYOUT, point, (0.3, -0.2, 0.0), radius)
-    states = rng.normal(size=(8, LAYOUT.state_size))
-    sampled = goal.sample(states, rng)
-    assert goal.reached(sampled).all()
-    np.testing.assert_allclose(goal.error(sampled), 0, atol=1e-12)
-    shift = (sampled - states).reshape(8, -1, 3)
-    np.testing.assert_allclose(shift, np.broadcast_to(shift[:, :1], shift.shape), atol=1e-12)
-    np.testing.assert_array_equal(goal.reached(states), goal.error(states) < radius)
-    assert goal.error(states[0]) == goal.error(states)[0]

@@ -92,9 +92,9 @@ def made_up_recording(scene: dict[str, Any], steps: tuple[int, ...], rng: np.ran
     rope, episodes = np.array(scene["rope"]), []
     for count in steps:
         executed = rope + np.cumsum(rng.normal(0, 0.01, (count + 1, 1, 3)), axis=0)
-        tree = Branches(rng.normal(0, 0.3, (20, 2)), np.arange(20) // 2, rng.uniform(0.5, 1, 20))
-        seconds, trust = rng.uniform(0.1, 1, count), rng.uniform(0.5, 1, count)
-        episodes.append(Episode(True, tree, executed + 0.01, trust, executed, executed[:, -1:], seconds, 0.1))
+        tree = Branches(rng.normal(0, 0.3, (20, 1, 2)), np.arange(20) // 2, rng.uniform(0.5, 1, 20))
+        seconds, trust, errors = (rng.uniform(0.1, 1, n) for n in (count, count, count + 1))
+        episodes.append(Episode(True, tree, executed + 0.01, trust, executed, executed[:, -1:], errors, seconds, 0.1))
         rope = executed[-1]
     return Recording("made-up", tuple(episodes), "goal", "It is there.")
 
@@ -116,7 +116,7 @@ def test_frames_tell_the_trial_in_order(steps: list[int], seed: int) -> None:
 def test_video_is_written_and_its_frames_are_not_empty(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     scene = synthetic.scene("s", rng)
-    panels = [Panel(made_up_recording(scene, (1,), rng), scene, 0) for _ in range(2)]
+    panels = [Panel(made_up_recording(scene, (1,), rng), scene, (0,)) for _ in range(2)]
     write_video(tmp_path / "v.mp4", panels)
     assert (tmp_path / "v.mp4").read_bytes()[4:8] == b"ftyp"
     last = [list(views(panel.recording))[-1] for panel in panels]

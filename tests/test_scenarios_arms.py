@@ -306,5 +306,5 @@ def test_the_given_starts_and_goals_are_within_reach(authors_scenes: Path) -> No
         for x in (-0.1, 0.0, 0.1) for y in (0.1, 0.2, 0.3) for shift in (-0.1, 0.0, 0.1) for z in (0.1, 0.2)
     ])  # fmt: skip
     for scene, obstacles in zip(scenes, boxes, strict=True):
-        joints, reached = ARMS.grasp(scene.goal.position + around)
+        joints, reached = ARMS.grasp(np.array(scene.goal.written()["position"]) + around)
         assert (reached & (ARMS.clearance(joints, [obstacles] * len(around)) >= CLEARANCE)).any(), scene.name

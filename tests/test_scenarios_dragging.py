@@ -249,7 +249,7 @@ def test_random_scenes_are_like_the_papers(tmp_path: Path) -> None:
         scene = DRAGGING.random_scene(stream(8, i), f"scene-{i}")
         DRAGGING.validate(scene)
         assert box_sizes(scene.obstacles) == box_sizes(OBSTACLES)
-        assert DRAGGING.environment(scene.obstacles).signed_distance(np.array(scene.goal.position)) > 0.1
+        assert DRAGGING.environment(scene.obstacles).signed_distance(np.array(scene.goal.written()["position"])) > 0.1
         corners = np.array([c for o in scene.obstacles for b in o.boxes for c in b.corners()])
         assert np.abs(corners[:, :2]).max() < WALLS[0].position[0]
 

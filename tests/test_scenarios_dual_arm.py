@@ -299,7 +299,7 @@ def test_collected_data_pass_verification_and_threads_change_no_byte(tmp_path: P
 def test_random_scenes_are_like_the_papers() -> None:
     (scene,) = generate(DUAL, "random", 1, seed=13)
     assert box_sizes(scene.obstacles) == box_sizes(OBSTACLES)
-    assert not DUAL.goal(scene).reached(scene.state(LAYOUT))
+    assert not scene.goal.reached(scene.state(LAYOUT))
     assert DUAL.simulate([scene.obstacles], scene.state(LAYOUT)[None]).residual[0] < 0.002
 
 

@@ -74,7 +74,7 @@ def test_any_damaged_field_is_named_or_harmless(path: tuple[Any, ...], junk: Any
         (("scenes", 0, "obstacles", 2, "boxes", 0, "size"), [0.25, -0.25, 0.25], r"boxes\[0\]\.size.*positive"),
         (("scenes", 0, "rope", 3, 1), float("nan"), r"scenes\[0\]\.rope\[3\].*finite"),
         (("scenes", 0, "goal", "position"), [0.99, 0.0, 0.02], "goal.position lies inside"),
-        (("scenes", 0, "goal", "target"), "tial", "goal.target 'tial'; allowed: tail"),
+        (("scenes", 0, "goal", "target"), "tial", r"goal\.target: unknown point 'tial' .did you mean 'tail'"),
         (("scenes", 0, "goal", "radius"), "wide", "goal.radius.*finite number"),
         (("scenes", 0, "grippers"), [], "grippers: an object is needed, got list"),
         (("scenario",), "dual_arm", "'dual_arm' scenes; 'dragging' scenes are needed"),

@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 from fairlead.core.errors import FairleadError, SamplingError
+from fairlead.geometry.goals import point_goal
 from fairlead.scenarios.generate import generate
 from fairlead.scenarios.scene_files import Scene
-from fakes import FakeScenario
+from fakes import LAYOUT, FakeScenario
 
 
 def solved(scene: Scene) -> Scene:
     """The same with its goal where the tail is."""
-    return replace(scene, goal=replace(scene.goal, position=scene.rope[0]))
+    return replace(scene, goal=point_goal(LAYOUT, "tail", scene.rope[0], 0.05))
 
 
 @pytest.fixture
@@ -38,7 +39,7 @@ def test_no_scene_is_solved_at_the_start() -> None:
     fake = FakeScenario()
     scenes = generate(fake, "random", 6, 3)
     starts = np.stack([scene.state(fake.layout) for scene in scenes])
-    reached = [fake.goal(scene).reached(start) for scene, start in zip(scenes, starts, strict=True)]
+    reached = [scene.goal.reached(start) for scene, start in zip(scenes, starts, strict=True)]
     assert not any(reached)
     assert generate(fake, "random", 6, 3)[2:] == scenes[2:]
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import ActionOutcome, Executed, Prediction
-from fairlead.core.roles import Dynamics, Environment, World
+from fairlead.core.roles import Dynamics, Environment, Goal, World
 from fairlead.geometry.fields import BoxEnvironment
-from fairlead.geometry.goals import PointGoal
+from fairlead.geometry.goals import PointsGoal, point_goal
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box
 from fairlead.planning.checks import CollisionCheck
@@ -38,8 +38,8 @@ def straight(x: float, y: float, heading: float = 0.0) -> np.ndarray:
     return LAYOUT.join(gripper[None], points)
 
 
-def tail_goal(x: float, y: float, radius: float = 0.05) -> PointGoal:
-    return PointGoal(LAYOUT, 0, (x, y, 0.02), radius)
+def tail_goal(x: float, y: float, radius: float = 0.05) -> PointsGoal:
+    return point_goal(LAYOUT, "tail", (x, y, 0.02), radius)
 
 
 def follow(states: np.ndarray, grippers: np.ndarray) -> np.ndarray:
@@ -104,5 +104,5 @@ class ToyWorld(World):
         return Executed(self.observe(), np.full(len(actions), 1.0), outcomes)
 
 
-def problem(environment: BoxEnvironment, goal: PointGoal, dynamics: Dynamics | None = None) -> Problem:
+def problem(environment: BoxEnvironment, goal: Goal, dynamics: Dynamics | None = None) -> Problem:
     return Problem(environment, goal, dynamics or FreeChain(), CollisionCheck(LAYOUT, RADIUS), SAMPLER)

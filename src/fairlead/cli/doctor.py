@@ -32,7 +32,7 @@ def _rendering() -> str:
 
     world = scenario("dragging")
     try:
-        with SceneRenderer(world.backdrop(), world.layout, world.rope_radius, (), None, 32, 32) as renderer:
+        with SceneRenderer(world.backdrop(), world.layout, world.rope_radius, (), (), 32, 32) as renderer:
             renderer.frame(world.random_start(stream(0, "doctor")))
     except FairleadError as error:
         reason = str(error).splitlines()[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -58,6 +58,6 @@ class Command:
         scene = bench.scenes.scene(self.scene)
         row = bench.run(Job(self.method, scene.name, self.seed, self.trace))
         if self.video is not None:
-            write_video(self.video, [panel(self.trace, asdict(scene), self.method)])
+            write_video(self.video, [panel(self.trace, scene.written(), self.method)])
             row["video"] = str(self.video)
         show(row | {"trace": str(self.trace)}, self.json)

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from fairlead.core.errors import UnknownNameError
+
 
 @dataclass(frozen=True)
 class StateLayout:
@@ -54,3 +56,25 @@ class StateLayout:
         batch = points.shape[:-2]
         head, tail = grippers.reshape(*batch, self.action_size), points.reshape(*batch, 3 * self.points)
         return np.concatenate([head, tail], axis=-1)
+
+    def index(self, target: str | int) -> int:
+        """Where a named point stands among all points of a state: a gripper, `tail`, `midpoint`, `head`, or a number.
+
+        Numbers count the object's points from the tail on.
+
+        Raises:
+            UnknownNameError: there is no such point.
+        """
+        first = len(self.grippers)
+        named: dict[str | int, int] = {name: i for i, name in enumerate(self.grippers)}
+        named |= {"tail": first, "midpoint": first + self.points // 2, "head": first + self.points - 1}
+        if type(target) is int and 0 <= target < self.points:
+            return first + target
+        if target not in named:
+            raise UnknownNameError("point", str(target), [*map(str, named), f"0 to {self.points - 1}"])
+        return named[target]
+
+    def held(self, index: int) -> int:
+        """The object point that goes with an index of `index`: itself, or the end that a gripper holds."""
+        first = len(self.grippers)
+        return index - first if index >= first else self.points - 1 if index == first - 1 else 0

@@ -7,6 +7,7 @@ All take and return numpy arrays with a leading batch axis. Every class is abstr
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import final
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -128,18 +129,27 @@ class RecoveryPolicy(ABC):
 
 
 class Goal(ABC):
-    """What a trial is for."""
+    """What a trial is for: a state is in the goal where its error is within the tolerance."""
+
+    @property
+    @abstractmethod
+    def tolerance(self) -> float:
+        """Largest error of a state in the goal [m]."""
 
     @abstractmethod
     def error(self, states: Float[np.ndarray, "*batch state"]) -> Float[np.ndarray, "*batch"]:
-        """Task error [m]."""
+        """Task error [m]: how far the state is from where it must be."""
 
-    @abstractmethod
+    @final
     def reached(self, states: Float[np.ndarray, "*batch state"]) -> Bool[np.ndarray, "*batch"]:
-        """Whether the error is within the goal."""
+        """Whether the error is within the tolerance; false where it is NaN."""
+        return np.asarray(self.error(states) <= self.tolerance)
 
     @abstractmethod
     def sample(
         self, states: Float[np.ndarray, "batch state"], rng: np.random.Generator
     ) -> Float[np.ndarray, "batch state"]:
-        """Turn sampled states into states of the goal, one each: what the goal bias steers the tree to."""
+        """Turn sampled states into states of the goal, one each, or at least into none that are farther from it.
+
+        This is what the goal bias steers the tree to.
+        """

@@ -107,7 +107,7 @@ class Bench:
         """Run one trial; the same job gives the same row when the budget is counted."""
         scenario, scene, method = self.scenario, self.scenes.scene(job.scene), find_method(job.method)
         dynamics, check, recovery = self._parts.build(method, scene)
-        environment, goal = scenario.environment(scene.obstacles), scenario.goal(scene)
+        environment, goal = scenario.environment(scene.obstacles), scene.goal
         problem = Problem(environment, goal, dynamics, check, scenario.sampler)
 
         planner = self._planner(PAPER.scaled(method.budget_scale))

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-Vector = tuple[float, ...]
+from fairlead.core.reading import Reader, Vector
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,27 @@ class Box:
         if abs(np.linalg.norm(self.quaternion_xyzw) - 1) > 1e-3:
             raise ValueError(f"quaternion_xyzw: a unit quaternion is needed, got {list(self.quaternion_xyzw)}")
 
+    @classmethod
+    def read(cls, reader: Reader) -> Box:
+        """A box as a file writes it; FileFormatError names a wrong field."""
+        fields = {key: reader.vector(key, n) for key, n in (("size", 3), ("position", 3), ("quaternion_xyzw", 4))}
+        try:
+            return cls(**fields)
+        except ValueError as error:
+            key, _, problem = str(error).partition(": ")
+            raise reader.fail(key, problem) from None
+
     def moved(self, position: Sequence[float], yaw: float) -> Box:
         """The box turned by `yaw` [rad] about the vertical through the origin, then shifted by `position` [m]."""
         turn = Rotation.from_euler("z", yaw)
         centre = turn.apply(self.position) + np.asarray(position)
         quaternion = (turn * Rotation.from_quat(self.quaternion_xyzw)).as_quat()
         return Box(self.size, tuple(map(float, centre)), tuple(map(float, quaternion)))
+
+    @property
+    def rotation(self) -> Float[np.ndarray, "3 3"]:
+        """The matrix whose columns are the directions of the sides."""
+        return Rotation.from_quat(self.quaternion_xyzw).as_matrix()
 
     def corners(self) -> Float[np.ndarray, "8 3"]:
         """The eight corners [m]."""
@@ -66,8 +81,7 @@ def box_distance(boxes: Sequence[Box], points: Float[np.ndarray, "*batch 3"]) ->
     """
     distance = np.full(points.shape[:-1], np.inf)
     for box in boxes:
-        rotation = Rotation.from_quat(box.quaternion_xyzw).as_matrix()
-        q = np.abs((points - np.array(box.position)) @ rotation) - np.array(box.size) / 2
+        q = np.abs((points - np.array(box.position)) @ box.rotation) - np.array(box.size) / 2
         outside = np.linalg.norm(np.maximum(q, 0.0), axis=-1)
         distance = np.minimum(distance, outside + np.minimum(q.max(axis=-1), 0.0))
     return np.asarray(distance)

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 from matplotlib.patches import Circle, Polygon
 
+from fairlead.core.marks import Mark, marks
 from fairlead.report.style import GOAL, GRIPPER, OBSTACLE, ROPE
 
 
@@ -33,8 +35,9 @@ def outlines(obstacles: Iterable[Mapping[str, Any]]) -> list[Float[np.ndarray, "
 
 def view_of(scene: Mapping[str, Any]) -> tuple[Float[np.ndarray, " 2"], float]:
     """Centre and half the side [m] of the square that shows a scene, with 0.15 m around what is in it."""
-    starts = [*scene["rope"], *scene["grippers"].values(), scene["goal"]["position"]]
-    seen = np.concatenate([np.array(starts)[:, :2], *outlines(scene["obstacles"])])
+    starts = np.array([*scene["rope"], *scene["grippers"].values()])[:, :2]
+    goal = [shape(mark) for mark in marks(scene["goal"])]
+    seen = np.concatenate([starts, *goal, *outlines(scene["obstacles"])])
     low, high = seen.min(axis=0), seen.max(axis=0)
     return (low + high) / 2, float((high - low).max() / 2 + 0.15)
 
@@ -54,16 +57,29 @@ def draw_rope(
     axes.plot(*points[-1, :2], "s", color=GRIPPER, markersize=3)
 
 
+def shape(mark: Mark) -> Float[np.ndarray, "corner 2"]:
+    """A goal's mark seen from above: the corners of a box [m], or the one point of a place."""
+    return outline(mark) if "size" in mark else np.array([mark["position"][:2]])
+
+
 def draw_goal(axes: Axes, goal: Mapping[str, Any]) -> None:
-    """The goal's circle and centre; `goal` is as a scene file writes it."""
-    centre = tuple(goal["position"][:2])
-    axes.add_patch(Circle(centre, goal["radius"], facecolor=GOAL, alpha=0.25, edgecolor=GOAL))
-    axes.plot(*centre, "+", color=GOAL, markersize=5, markeredgewidth=1.5)
+    """Circles for places, outlines for boxes, dashed for one to be out of; `goal` is as a scene file writes it."""
+    for mark in marks(goal):
+        if "size" in mark:
+            inside = mark["kind"] != "outside"
+            colour, dashes = (GOAL, "-") if inside else (GRIPPER, "--")
+            face = to_rgba(colour, 0.2 if inside else 0.0)
+            axes.add_patch(Polygon(shape(mark), facecolor=face, edgecolor=colour, linestyle=dashes))
+        else:
+            centre = tuple(mark["position"][:2])
+            axes.add_patch(Circle(centre, mark["radius"], facecolor=GOAL, alpha=0.25, edgecolor=GOAL))
+            axes.plot(*centre, "+", color=GOAL, markersize=5, markeredgewidth=1.5)
 
 
-def arena(axes: Axes, half: float = 1.0) -> None:
+def arena(axes: Axes, centre: Float[np.ndarray, " 2"] | tuple[float, float] = (0.0, 0.0), half: float = 1.0) -> None:
     """A square frame without ticks."""
-    axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xticks=[], yticks=[])
+    (x, y), reach = centre, np.array([-half, half])
+    axes.set(xlim=x + reach, ylim=y + reach, aspect="equal", xticks=[], yticks=[])
     axes.grid(False)
     for spine in axes.spines.values():
         spine.set(visible=True, color="#a9b2bd")

@@ -32,8 +32,7 @@ def _zoom(axes: Axes, points: np.ndarray, margin: float) -> None:
     """A square window [m] about the points."""
     low, high = points.reshape(-1, 3)[:, :2].min(axis=0), points.reshape(-1, 3)[:, :2].max(axis=0)
     centre, half = (low + high) / 2, (high - low).max() / 2 + margin
-    arena(axes)
-    axes.set(xlim=(centre[0] - half, centre[0] + half), ylim=(centre[1] - half, centre[1] + half))
+    arena(axes, centre, float(half))
 
 
 def labelled_trajectory(data: Arrays) -> Drawn:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fairlead.report.drawing import arena, draw_goal, draw_obstacles, draw_rope, outlines
+from fairlead.report.drawing import arena, draw_goal, draw_obstacles, draw_rope, outlines, view_of
 from fairlead.report.style import INK, MUTED, OUTCOMES, figure, method_style
 
 Row = Mapping[str, Any]
@@ -28,7 +28,7 @@ def _share_below(axes: Axes, rows_of: RowsOf, key: str, limits: np.ndarray) -> N
 
 
 def success_against_threshold(rows_of: RowsOf, radius: float) -> Figure:
-    """Fig. 6A: the success rate if the goal's radius [m] were another; the dashed line is the radius used."""
+    """Fig. 6A: the success rate if the goal's tolerance [m] were another; the dashed line is the one used."""
     with figure(6.4, 3.3) as (canvas, (axes,)):
         _share_below(axes, rows_of, "error_m", np.linspace(0, 0.5, 501))
         axes.axvline(radius, color=MUTED, linestyle=(0, (4, 3)), linewidth=1)
@@ -98,7 +98,7 @@ def gallery(scenes: Sequence[Mapping[str, Any]], rows: Iterable[Row], columns: i
         for axes in grid[len(scenes) :]:
             axes.remove()
         for axes, scene in zip(grid, scenes, strict=False):
-            arena(axes)
+            arena(axes, *view_of(scene))
             draw_obstacles(axes, outlines(scene["obstacles"]))
             draw_goal(axes, scene["goal"])
             draw_rope(axes, np.array(scene["rope"]), linewidth=1.4)

@@ -121,14 +121,14 @@ def _trial_section(trials: TrialSet, save: _Figures, name: str, clips: list[Clip
     if summary["comparisons"]:
         section.tables.append(tables.comparison_table(summary))
     section.tables += [tables.effort_table(summary), tables.actions_table(summary)]
-    radius = trials.scenes[0]["goal"]["radius"]
+    radius = trials.scenes[0]["goal"].get("radius", 0.0)
     longest = max((row["reached_at_s"] or 0.0 for row in trials.rows), default=0.0)
     horizon = budget.seconds if timed else max(1.0, longest)
     section.pictures += [
         save.save(
             f"{name}-threshold",
             figures.success_against_threshold(trials.rows_of, radius),
-            "Success against the threshold on the task error (Fig. 6A). Dashed: the goal's radius.",
+            "Success against the threshold on the task error (Fig. 6A). Dashed: the goal's tolerance.",
         ),
         save.save(
             f"{name}-time",

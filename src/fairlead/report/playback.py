@@ -20,9 +20,9 @@ _FIRST_PLANNING, _LATER_PLANNING, _END = 30, 10, 45
 
 @dataclass(frozen=True)
 class Branches:
-    """The tree of one plan: where the goal's point of the rope is in each node, and the trust in reaching it."""
+    """The tree of one plan: where the goal's points of the rope are in each node, and the trust in reaching it."""
 
-    points: Float[np.ndarray, "node 2"]
+    points: Float[np.ndarray, "node followed 2"]
     parents: Int[np.ndarray, " node"]
     trust: Float[np.ndarray, " node"]
 
@@ -31,7 +31,7 @@ class Branches:
 class Episode:
     """One planning attempt with its execution, or (`planned` false) the recovery action after one that was stuck.
 
-    Where there is no plan to show, `tree` and `predicted` are None.
+    Where there is no plan to show, `tree` and `predicted` are None. `errors` [m] are those of the goal.
     """
 
     planned: bool
@@ -40,6 +40,7 @@ class Episode:
     trust: Float[np.ndarray, " steps"]
     executed: Float[np.ndarray, "done_and_one point 3"]
     grippers: Float[np.ndarray, "done_and_one gripper 3"]
+    errors: Float[np.ndarray, " done_and_one"]
     seconds: Float[np.ndarray, " done"]
     planning_s: float
 
@@ -62,6 +63,7 @@ class View:
     grippers: Float[np.ndarray, "gripper 3"]
     phase: str
     seconds: float
+    error_m: float
     plans: int
     episode: int = 0
     grown: float = 0.0
@@ -71,18 +73,20 @@ class View:
     ended: bool = False
 
 
-def recording(trace: Trace, title: str, point: int) -> Recording:
-    """A trace as episodes; `point` is the rope point whose places make the drawn tree."""
+def recording(trace: Trace, title: str, points: tuple[int, ...]) -> Recording:
+    """A trace as episodes; `points` are the rope points whose places make the drawn tree."""
     episodes: list[Episode] = []
-    state, clock = trace.start, 0.0
+    state, error, clock = trace.start, trace.start_error_m, 0.0
     for plan in trace.plans:
         done = [action for action in trace.actions if action.plan == plan.index]
         for part, recovering in (([a for a in done if not a.recovery], False), ([a for a in done if a.recovery], True)):
             if recovering and not part:
                 continue
             found = None if recovering or not len(plan.states) else plan
-            episodes.append(_episode(trace.layout, not recovering, found, part, state, plan.at_s - clock, point))
-            state = part[-1].state if part else state
+            errors = np.array([error, *(action.error_m for action in part)])
+            planning_s = plan.at_s - clock
+            episodes.append(_episode(trace.layout, not recovering, found, part, state, errors, planning_s, points))
+            state, error = part[-1].state if part else state, float(errors[-1])
             clock = part[-1].at_s if part else max(clock, plan.at_s)
     return Recording(title, tuple(episodes), trace.outcome.label, trace.outcome.sentence)
 
@@ -93,13 +97,14 @@ def _episode(
     plan: TracedPlan | None,
     actions: list[TracedAction],
     state: Float[np.ndarray, " state"],
+    errors: Float[np.ndarray, " done_and_one"],
     planning_s: float,
-    point: int,
+    points: tuple[int, ...],
 ) -> Episode:
     executed = np.stack([state, *(action.state for action in actions)])
     tree = predicted = None
     if plan is not None:
-        places = layout.points_of(plan.tree.states)[:, point, :2]
+        places = layout.points_of(plan.tree.states)[:, points, :2]
         tree = Branches(places, plan.tree.parents, plan.tree.trust)
         predicted = layout.points_of(plan.states)
     return Episode(
@@ -109,6 +114,7 @@ def _episode(
         np.zeros(0) if plan is None else plan.trust,
         layout.points_of(executed),
         layout.grippers_of(executed),
+        errors,
         np.array([action.seconds for action in actions]),
         max(0.0, planning_s),
     )
@@ -120,7 +126,8 @@ def views(recording: Recording) -> Iterator[View]:
     view = None
     for index, episode in enumerate(recording.episodes):
         plans += episode.planned
-        view = View(episode.executed[0], episode.grippers[0], "planning", seconds, plans, index, trail=trail)
+        start = episode.executed[0], episode.grippers[0], "planning", seconds, float(episode.errors[0])
+        view = View(*start, plans, index, trail=trail)
         if episode.planned and episode.tree is None:
             yield from [replace(view, phase="stuck")] * _LATER_PLANNING
         elif episode.tree is not None:
@@ -151,9 +158,10 @@ def _executing(episode: Episode, view: View) -> Iterator[View]:
             rope = (1 - part) * episode.executed[step] + part * episode.executed[step + 1]
             grippers = (1 - part) * episode.grippers[step] + part * episode.grippers[step + 1]
             now = seconds + part * float(took)
+            error = float((1 - part) * episode.errors[step] + part * episode.errors[step + 1])
             view = replace(
-                view, rope=rope, grippers=grippers, phase=phase, seconds=now, ghost=ghost, trust=trust,
-                trail=(*trail, rope),
+                view, rope=rope, grippers=grippers, phase=phase, seconds=now, error_m=error, ghost=ghost,
+                trust=trust, trail=(*trail, rope),
             )  # fmt: skip
             yield view
         seconds, trail = view.seconds, view.trail

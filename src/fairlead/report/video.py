@@ -15,7 +15,8 @@ from jaxtyping import Float
 from matplotlib.colors import LinearSegmentedColormap
 from PIL import Image, ImageDraw, ImageFont
 
-from fairlead.report.drawing import outlines, view_of
+from fairlead.core.marks import Mark, marks
+from fairlead.report.drawing import outlines, shape, view_of
 from fairlead.report.playback import FPS, SPEED, Episode, Recording, View, views
 from fairlead.report.style import FAINT, GHOST, GOAL, GRIPPER, INK, MUTED, OBSTACLE, OUTCOMES, PAPER, ROPE
 from fairlead.report.tables import counted
@@ -41,11 +42,11 @@ class Panel:
     Args:
         recording: the trial.
         scene: its scene, as a scene file writes it.
-        point: index of the rope point that the goal is for.
+        points: indices of the rope points that the goal is for.
     """
 
-    def __init__(self, recording: Recording, scene: Mapping[str, Any], point: int) -> None:
-        self.recording, self.scene, self.point = recording, scene, point
+    def __init__(self, recording: Recording, scene: Mapping[str, Any], points: tuple[int, ...]) -> None:
+        self.recording, self.scene, self.points = recording, scene, points
         self.centre, self.half = view_of(scene)
         self._layers: dict[int, Image.Image] = {}
         self._background = self._arena()
@@ -63,25 +64,33 @@ class Panel:
         draw = ImageDraw.Draw(image, "RGBA")
         for polygon in outlines(self.scene["obstacles"]):
             draw.polygon(self._pixels(polygon), fill=OBSTACLE, outline="#a9b2bd", width=_SHARP)
-        goal = self.scene["goal"]
-        centre = np.array(goal["position"])
-        radius = goal["radius"] / self.half * SIDE / 2
+        for mark in marks(self.scene["goal"]):
+            self._mark(draw, mark)
+        return image
+
+    def _mark(self, draw: ImageDraw.ImageDraw, mark: Mark) -> None:
+        """A place with its radius, or the outline of a box; one to be out of has no filling."""
+        if "size" in mark:
+            colour, fill = (GOAL, GOAL + "28") if mark["kind"] != "outside" else (GRIPPER, None)
+            draw.polygon(self._pixels(shape(mark)), fill=fill, outline=colour, width=2 * _SHARP)
+            return
+        centre, radius = np.array(mark["position"]), mark["radius"] / self.half * SIDE / 2
         self._dot(draw, centre, radius, GOAL + "40")
         self._dot(draw, centre, 3, GOAL)
         (x, y), r = self._pixels(centre[None])[0], radius * _SHARP
         draw.ellipse((x - r, y - r, x + r, y + r), outline=GOAL, width=2 * _SHARP)
-        return image
 
     def _tree(self, draw: ImageDraw.ImageDraw, episode: Episode, grown: float, alpha: int) -> None:
         tree = episode.tree
         if tree is None:
             return
         count = max(1, round(grown * len(tree.points)))
-        pixels = self._pixels(tree.points[:count])
         colours = np.asarray(TRUST(np.clip(2 * tree.trust[:count] - 1, 0, 1)) * 255).astype(int)
-        for node in range(1, count):
-            line = [pixels[tree.parents[node]], pixels[node]]
-            draw.line(line, fill=(*colours[node, :3].tolist(), alpha), width=_SHARP)
+        for followed in range(tree.points.shape[1]):
+            pixels = self._pixels(tree.points[:count, followed])
+            for node in range(1, count):
+                line = [pixels[tree.parents[node]], pixels[node]]
+                draw.line(line, fill=(*colours[node, :3].tolist(), alpha), width=_SHARP)
 
     def _under(self, view: View) -> Image.Image:
         """Background and tree; the full-grown tree of an episode is drawn once."""
@@ -101,15 +110,17 @@ class Panel:
         image = self._under(view)
         draw = ImageDraw.Draw(image, "RGBA")
         episode = self.recording.episodes[view.episode]
-        if episode.predicted is not None and view.grown >= 1:
-            draw.line(self._pixels(episode.predicted[:, self.point]), fill=GHOST + "c0", width=2 * _SHARP)
-        if len(view.trail) > 1:
-            path = np.stack([rope[self.point] for rope in view.trail])
-            draw.line(self._pixels(path), fill=INK + "90", width=2 * _SHARP)
+        for point in self.points:
+            if episode.predicted is not None and view.grown >= 1:
+                draw.line(self._pixels(episode.predicted[:, point]), fill=GHOST + "c0", width=2 * _SHARP)
+            if len(view.trail) > 1:
+                path = np.stack([rope[point] for rope in view.trail])
+                draw.line(self._pixels(path), fill=INK + "90", width=2 * _SHARP)
         if view.ghost is not None:
             self._rope(draw, view.ghost, GHOST + "d0", 10)
         self._rope(draw, view.rope, ROPE, 7)
-        self._dot(draw, view.rope[self.point], 6, ROPE)
+        for point in self.points:
+            self._dot(draw, view.rope[point], 6, ROPE)
         for gripper in view.grippers:
             self._dot(draw, gripper, 7, GRIPPER)
         return image
@@ -128,11 +139,9 @@ class Panel:
         draw.text((0, 12 * s), self.recording.title, font=_font(21, bold=True), fill=INK)
         colour = OUTCOMES.get(view.phase, MUTED) if view.ended else MUTED
         draw.text((SIDE * s, 16 * s), view.phase, font=_font(16, bold=view.ended), fill=colour, anchor="ra")
-        goal = np.array(self.scene["goal"]["position"])
-        error = float(np.linalg.norm(view.rope[self.point] - goal))
         below = (HEAD + SIDE + 12) * s
         plans = counted(view.plans, "plan")
-        text = f"{view.seconds:5.1f} s     {plans}     {100 * error:5.1f} cm to the goal"
+        text = f"{view.seconds:5.1f} s     {plans}     {100 * view.error_m:5.1f} cm to the goal"
         if view.ended:
             text = f"{self.recording.sentence}  {view.seconds:.1f} s, {plans}."
         draw.text((0, below), text, font=_font(14), fill=INK)

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fairlead.core.marks import followed
 from fairlead.core.traces import read_trace
 from fairlead.report.playback import recording
 from fairlead.report.sources import TrialSet
 from fairlead.report.video import Panel, write_gif, write_video
 
 BASELINE = "accept-all"
-_TARGETS = {"tail": lambda points: 0, "midpoint": lambda points: points // 2}
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ class Clip:
 def panel(trace_folder: Path, scene: Mapping[str, Any], title: str) -> Panel:
     """A trial's part of a video, from its trace and its scene (as a scene file writes it)."""
     trace = read_trace(trace_folder)
-    point = _TARGETS[scene["goal"]["target"]](trace.layout.points)
-    return Panel(recording(trace, title, point), scene, point)
+    points = followed(scene["goal"], trace.layout)
+    return Panel(recording(trace, title, points), scene, points)
 
 
 def _traced(trials: TrialSet, method: str) -> dict[tuple[str, int], dict[str, Any]]:

@@ -14,17 +14,16 @@ from jaxtyping import Float
 
 from fairlead.core.errors import FairleadError, SamplingError
 from fairlead.geometry.fields import BoxEnvironment
-from fairlead.geometry.goals import PointGoal
+from fairlead.geometry.goals import PointsGoal, point_goal
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box, Obstacle
 from fairlead.scenarios.arms import Arms
 from fairlead.scenarios.dragging_world import ARENA, LAYOUT, WALLS, DraggingWorld, Gripper
 from fairlead.scenarios.obstacles import place_apart
 from fairlead.scenarios.rope import PlanarRope, RopeFactors
-from fairlead.scenarios.scenario import Scenario
-from fairlead.scenarios.scene_files import GoalSpec, Scene
+from fairlead.scenarios.scenario import Scenario, require_free_places
+from fairlead.scenarios.scene_files import Scene
 
-TARGETS = {"tail": 0, "midpoint": 5}
 CUBE = Obstacle("cube", (Box((0.25, 0.25, 0.25), (0.0, 0.0, 0.0)),))
 _QUARTER = (0.0, 0.0, float(np.sqrt(0.5)), float(np.sqrt(0.5)))
 CORNER = Obstacle(
@@ -56,13 +55,6 @@ class Dragging(Scenario):
 
     def environment(self, obstacles: Sequence[Obstacle]) -> BoxEnvironment:
         return BoxEnvironment([*WALLS, *(box for o in obstacles for box in o.boxes)], self.bounds)
-
-    def goal(self, scene: Scene) -> PointGoal:
-        if scene.goal.target not in TARGETS:
-            raise FairleadError(
-                f"scene '{scene.name}': goal.target '{scene.goal.target}'; allowed: {', '.join(TARGETS)}"
-            )
-        return PointGoal(LAYOUT, TARGETS[scene.goal.target], scene.goal.position, scene.goal.radius)
 
     def simulate(
         self, obstacles: Sequence[Sequence[Obstacle]], states: Float[np.ndarray, "batch state"], threads: int = 1
@@ -123,13 +115,13 @@ class Dragging(Scenario):
         del threads
         return [self.random_obstacles(state, rng) for state, rng in zip(states, rngs, strict=True)], states
 
-    def random_goal(self, obstacles: Sequence[Obstacle], rng: np.random.Generator) -> GoalSpec:
+    def random_goal(self, obstacles: Sequence[Obstacle], rng: np.random.Generator) -> PointsGoal:
         """The tail's goal, uniform in [-0.7, 0.7]^2, at least 0.10 m from obstacles; not checked for reachability."""
         environment = self.environment(obstacles)
         for _ in range(10_000):
             position = np.array([*rng.uniform(-0.7, 0.7, 2), self.rope.height])
             if environment.signed_distance(position) > 0.10:
-                return GoalSpec("tail", tuple(map(float, position)), 0.05)
+                return point_goal(LAYOUT, "tail", position, 0.05)
         raise SamplingError("goal clear of the obstacles", 10_000, "use fewer obstacles")
 
     def random_scene(self, rng: np.random.Generator, name: str) -> Scene:
@@ -150,9 +142,7 @@ class Dragging(Scenario):
     def validate(self, scene: Scene) -> None:
         """A goal inside an obstacle, or a start outside the arena, is an error that names the field."""
         environment = self.environment(scene.obstacles)
-        goal = self.goal(scene)
-        if environment.signed_distance(goal.position) < 0:
-            raise FairleadError(f"scene '{scene.name}': goal.position lies inside an obstacle or wall")
+        require_free_places(scene, environment.boxes)
         start = scene.state(LAYOUT).reshape(-1, 3)
         if (np.abs(start[:, :2]) > self.bounds[1, :2]).any():
             raise FairleadError(f"scene '{scene.name}': the rope starts outside the arena")

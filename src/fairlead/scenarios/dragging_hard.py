@@ -12,10 +12,11 @@ import numpy as np
 from jaxtyping import Float
 
 from fairlead.core.errors import SamplingError
+from fairlead.geometry.goals import point_goal
 from fairlead.geometry.shapes import Obstacle, box_distance
 from fairlead.scenarios.dragging import CORNER, CUBE, LAYOUT, OBSTACLES, WALLS, Dragging
 from fairlead.scenarios.obstacles import place_apart
-from fairlead.scenarios.scene_files import GoalSpec, Scene
+from fairlead.scenarios.scene_files import Scene
 
 Draft = tuple[tuple[Obstacle, ...], np.ndarray, np.ndarray]
 """Obstacles, start state, goal position."""
@@ -163,6 +164,6 @@ def hard_scene(scenario: Dragging, kind: str, rng: np.random.Generator, name: st
         if environment.signed_distance(settled.reshape(-1, 3)).min() < 0.017:
             continue
         points = tuple(map(tuple, LAYOUT.points_of(settled).tolist()))
-        target = GoalSpec("tail", tuple(map(float, position.round(5))), 0.05)
+        target = point_goal(LAYOUT, "tail", position.round(5), 0.05)
         return Scene(name, obstacles, {"gripper": tuple(settled[:3].tolist())}, points, target)
     raise SamplingError(f"hard scene of kind '{kind}'", 400, "loosen its limits")

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from fairlead.core.errors import FairleadError, SamplingError
 from fairlead.core.records import ActionOutcome
 from fairlead.geometry.fields import BoxEnvironment
-from fairlead.geometry.goals import PointGoal
+from fairlead.geometry.goals import PointsGoal, point_goal
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box, Obstacle, box_distance
 from fairlead.scenarios.arms import Arms
@@ -23,10 +23,9 @@ from fairlead.scenarios.dual_arm_world import LAYOUT, TABLE, DualArmWorld, Gripp
 from fairlead.scenarios.hanging_rope import HangingRope
 from fairlead.scenarios.iiwa import add_torso, dual_iiwa
 from fairlead.scenarios.rope import RopeFactors
-from fairlead.scenarios.scenario import Scenario
-from fairlead.scenarios.scene_files import GoalSpec, Scene
+from fairlead.scenarios.scenario import Scenario, require_free_places
+from fairlead.scenarios.scene_files import Scene
 
-TARGETS = {"midpoint": 12}
 BOUNDS = np.array([[0.45, -0.6, 0.6], [1.2, 0.6, 1.3]])
 PHASE_1_APART, START_APART = 0.70, 0.76
 """Largest distances between the grippers [m]: in phase 1 (the paper's), and where a scene starts."""
@@ -72,13 +71,6 @@ class DualArm(Scenario):
 
     def environment(self, obstacles: Sequence[Obstacle]) -> BoxEnvironment:
         return BoxEnvironment([TABLE, *(box for o in obstacles for box in o.boxes)], BOUNDS)
-
-    def goal(self, scene: Scene) -> PointGoal:
-        if scene.goal.target not in TARGETS:
-            raise FairleadError(
-                f"scene '{scene.name}': goal.target '{scene.goal.target}'; allowed: {', '.join(TARGETS)}"
-            )
-        return PointGoal(LAYOUT, TARGETS[scene.goal.target], scene.goal.position, scene.goal.radius)
 
     def simulate(
         self, obstacles: Sequence[Sequence[Obstacle]], states: Float[np.ndarray, "batch state"], threads: int = 1
@@ -150,13 +142,13 @@ class DualArm(Scenario):
                 break
         return obstacles, world.observe()
 
-    def random_goal(self, obstacles: Sequence[Obstacle], rng: np.random.Generator) -> GoalSpec:
+    def random_goal(self, obstacles: Sequence[Obstacle], rng: np.random.Generator) -> PointsGoal:
         """The midpoint's goal, at least 0.05 m from obstacles (the table is none); not checked for reachability."""
         boxes = [box for obstacle in obstacles for box in obstacle.boxes]
         for _ in range(10_000):
             position = rng.uniform([0.6, -0.4, 0.6], [1.1, 0.4, 0.85])
             if box_distance(boxes, position) > 0.05:
-                return GoalSpec("midpoint", tuple(map(float, position)), 0.05)
+                return point_goal(LAYOUT, "midpoint", position, 0.05)
         raise SamplingError("goal clear of the obstacles", 10_000, "use fewer obstacles")
 
     def random_scene(self, rng: np.random.Generator, name: str) -> Scene:
@@ -178,8 +170,7 @@ class DualArm(Scenario):
     def validate(self, scene: Scene) -> None:
         """A goal or rope inside an obstacle, a rope too short or grippers out of reach is an error that names it."""
         boxes = [box for obstacle in scene.obstacles for box in obstacle.boxes]
-        if box_distance(boxes, np.array(scene.goal.position)) < 0:
-            raise FairleadError(f"scene '{scene.name}': goal.position lies inside an obstacle")
+        require_free_places(scene, boxes)
         state = scene.state(LAYOUT)
         if box_distance([TABLE, *boxes], LAYOUT.points_of(state)).min() < 0:
             raise FairleadError(f"scene '{scene.name}': the rope starts inside an obstacle or the table")

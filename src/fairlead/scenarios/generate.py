@@ -43,7 +43,7 @@ def _unsolved(scenario: Scenario, kind: str, i: int, seed: int) -> Scene:
     rng = stream(seed, "scene", kind, i)
     for _ in range(_TRIES):
         scene = _drawn(scenario, kind, i, seed, rng)
-        if not scenario.goal(scene).reached(scene.state(scenario.layout)[None])[0]:
+        if not scene.goal.reached(scene.state(scenario.layout)[None])[0]:
             return scene
     raise SamplingError(
         f"{kind} scene whose goal is not reached at the start", _TRIES, "draw goals from a larger region"

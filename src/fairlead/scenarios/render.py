@@ -15,11 +15,11 @@ import mujoco
 import numpy as np
 from jaxtyping import Float, UInt8
 from PIL import Image
-from scipy.spatial.transform import Rotation
 
 from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
-from fairlead.geometry.shapes import Obstacle
+from fairlead.core.marks import Mark
+from fairlead.geometry.shapes import Box, Obstacle
 from fairlead.scenarios.arms import Arms
 
 Colour = tuple[float, float, float, float]
@@ -27,6 +27,10 @@ ROPE: Colour = (0.93, 0.42, 0.16, 1.0)
 GHOST: Colour = (0.20, 0.55, 0.95, 0.45)
 GRIPPER: Colour = (0.15, 0.17, 0.20, 1.0)
 GOAL: Colour = (0.20, 0.70, 0.35, 0.55)
+VOLUME: Colour = (0.20, 0.70, 0.35, 0.18)
+FORBIDDEN: Colour = (0.80, 0.20, 0.07, 0.75)
+EDGE = 0.003
+"""Radius of the edges of a drawn box [m]."""
 OBSTACLE: Colour = (0.58, 0.63, 0.70, 1.0)
 ARM: Colour = (0.80, 0.82, 0.84, 1.0)
 
@@ -40,7 +44,7 @@ class SceneRenderer:
         layout: how to read a state.
         rope_radius: of the drawn rope [m].
         obstacles: the scene's obstacles.
-        goal: centre [m] and radius [m] of a goal to draw, or None.
+        goal: the balls and boxes of a goal.
         width, height: of a frame [pixels].
         arms: that hold the grippers, or None.
     """
@@ -51,7 +55,7 @@ class SceneRenderer:
         layout: StateLayout,
         rope_radius: float,
         obstacles: Sequence[Obstacle],
-        goal: tuple[Sequence[float], float] | None,
+        goal: Sequence[Mark],
         width: int = 800,
         height: int = 800,
         arms: Arms | None = None,
@@ -82,11 +86,10 @@ class SceneRenderer:
         self._renderer.update_scene(self._data, camera="view")
         for obstacle in self._obstacles:
             for i, box in enumerate(obstacle.boxes):
-                matrix = Rotation.from_quat(box.quaternion_xyzw).as_matrix()
-                self._add(mujoco.mjtGeom.mjGEOM_BOX, np.array(box.size) / 2 - 0.001 * i, box.position, OBSTACLE, matrix)
-        if self._goal is not None:
-            centre, radius = self._goal
-            self._add(mujoco.mjtGeom.mjGEOM_SPHERE, [radius, 0, 0], centre, GOAL)
+                half = np.array(box.size) / 2 - 0.001 * i
+                self._add(mujoco.mjtGeom.mjGEOM_BOX, half, box.position, OBSTACLE, box.rotation)
+        for mark in self._goal:
+            self._mark(mark)
         if ghost is not None:
             self._rope(ghost, GHOST)
         self._rope(state, ROPE)
@@ -95,6 +98,20 @@ class SceneRenderer:
             for start, end, radius in zip(*self._arms.capsules(joints[0]), strict=True):
                 self._capsule(start, end, radius, ARM)
         return self._renderer.render()
+
+    def _mark(self, mark: Mark) -> None:
+        """A ball, a box to be in, or the edges of a box to be out of."""
+        if "size" not in mark:
+            self._add(mujoco.mjtGeom.mjGEOM_SPHERE, [mark["radius"], 0, 0], mark["position"], GOAL)
+            return
+        box = Box(*(tuple(mark[key]) for key in ("size", "position", "quaternion_xyzw")))
+        if mark["kind"] != "outside":
+            self._add(mujoco.mjtGeom.mjGEOM_BOX, np.array(box.size) / 2, box.position, VOLUME, box.rotation)
+        corners = box.corners()
+        for i, start in enumerate(corners):
+            for step in (1, 2, 4):
+                if not i & step:
+                    self._capsule(start, corners[i | step], EDGE, GOAL if mark["kind"] != "outside" else FORBIDDEN)
 
     def _rope(self, state: Float[np.ndarray, " state"], colour: Colour) -> None:
         points, grippers = self._layout.points_of(state), self._layout.grippers_of(state)

@@ -15,9 +15,10 @@ from jaxtyping import Float
 
 from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
-from fairlead.core.roles import Environment, Goal
+from fairlead.core.marks import marks
+from fairlead.core.roles import Environment
 from fairlead.geometry.motion import RandomDisplacement
-from fairlead.geometry.shapes import Obstacle
+from fairlead.geometry.shapes import Box, Obstacle, box_distance
 from fairlead.scenarios.arms import Arms
 from fairlead.scenarios.render import SceneRenderer
 from fairlead.scenarios.rope import RopeFactors
@@ -42,10 +43,6 @@ class Scenario(ABC):
     @abstractmethod
     def environment(self, obstacles: Sequence[Obstacle]) -> Environment:
         """The obstacles, with what is fixed in this scenario (walls, table), as a field."""
-
-    @abstractmethod
-    def goal(self, scene: Scene) -> Goal:
-        """The goal of a scene; FairleadError where its target has no meaning here."""
 
     @abstractmethod
     def simulate(
@@ -104,7 +101,14 @@ class Scenario(ABC):
 
     def renderer(self, scene: Scene, width: int = 800, height: int = 800) -> SceneRenderer:
         """Draws states of a scene."""
-        goal = (scene.goal.position, scene.goal.radius)
+        goal = marks(scene.goal.written())
         return SceneRenderer(
             self.backdrop(), self.layout, self.rope_radius, scene.obstacles, goal, width, height, self.arms
         )
+
+
+def require_free_places(scene: Scene, boxes: Sequence[Box]) -> None:
+    """Raise FairleadError where the goal has a place inside one of the boxes."""
+    for mark in marks(scene.goal.written()):
+        if "size" not in mark and box_distance(boxes, np.array(mark["position"])) < 0:
+            raise FairleadError(f"scene '{scene.name}': {mark['where']}.position lies inside an obstacle")
