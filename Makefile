@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: install demo test check bench clean
+.PHONY: install demo demo-train test check bench clean
 
 install: $(INSTALLED)
 
@@ -16,6 +16,10 @@ $(INSTALLED): pyproject.toml constraints.txt
 
 demo: install
 	$(BIN)/fairlead demo
+
+# The same from nothing: collects, trains, plans, reports.
+demo-train: install
+	$(BIN)/fairlead reproduce dragging --preset desk --out runs/desk
 
 test: install
 	$(BIN)/pytest

@@ -11,8 +11,9 @@ import pytest
 
 from fairlead.core.artifacts import read_jsonl
 from fairlead.core.errors import ArtifactError, UnknownNameError
+from fairlead.evaluation.shipped import benchmark_scenes
 from fairlead.reproduce import stages
-from fairlead.reproduce.line import benchmark_scenes, reproduce
+from fairlead.reproduce.line import reproduce
 from fairlead.reproduce.presets import PRESETS, preset
 from fairlead.scenarios.registry import scenario
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from fairlead.core.errors import FairleadError, FileFormatError
 from fairlead.core.streams import stream
-from fairlead.reproduce.line import benchmark_scenes
+from fairlead.evaluation.shipped import benchmark_scenes
 from fairlead.scenarios.dragging import Dragging
 from fairlead.scenarios.dragging_hard import KINDS, hard_scene
 from fairlead.scenarios.scene_files import write_scenes

@@ -1,4 +1,4 @@
-"""`fairlead demo`: the whole line at desk scale, into a folder of its own."""
+"""`fairlead demo`: both scenarios with the models that come with Fairlead, into a folder of its own."""
 
 from __future__ import annotations
 
@@ -6,18 +6,23 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from fairlead.cli.reproduce import Command as Reproduce
+from fairlead.cli.output import progress_bar, show
 
 
 @dataclass(frozen=True)
 class Command:
-    """Watch a rope being dragged by a planner that knows where its model can be trusted, and by one that does not."""
+    """Watch a rope being dragged, and held by two arms, by a planner that knows where its model can be trusted, and by
+    one that does not."""
 
     out: Path = Path("runs/demo")
-    """Folder of data, models, trials and report."""
-    threads: int = os.cpu_count() or 1
-    """Of the simulator and of training; as many processes run trials."""
+    """Folder of trials and report."""
+    workers: int = os.cpu_count() or 1
+    """Processes that run trials; no more than there are cores."""
 
     def run(self) -> None:
-        """`fairlead reproduce dragging --preset desk`."""
-        Reproduce("dragging", self.out, "desk", threads=self.threads).run()
+        """Plan, execute, report, and name the page and the videos."""
+        from fairlead.reproduce.demo import demo
+
+        page = demo(self.out, self.workers, progress_bar)
+        videos = sorted((page.parent / "videos").glob("*.mp4"))
+        show({"page": str(page), **{f"video {number}": str(path) for number, path in enumerate(videos, 1)}}, False)

@@ -1,4 +1,4 @@
-"""`fairlead evaluate SCENARIO --models DIR --scenes FILE --methods NAME,... --out DIR`."""
+"""`fairlead evaluate SCENARIO --methods NAME,... --out DIR`."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ class Command:
 
     scenario: Annotated[str, tyro.conf.Positional]
     """The world, for example `dragging`."""
-    models: Path
-    """Folder of the trained models."""
-    scenes: Path
-    """Scene file."""
     out: Path
     """Folder of the trials."""
+    scenes: Path | None = None
+    """Scene file; by default the benchmark scenes that come with Fairlead."""
+    models: Path | None = None
+    """Folder of trained models; by default those that come with Fairlead."""
     methods: str = "trust,accept-all"
     """Names, separated by commas."""
     reference: str | None = None
@@ -54,14 +54,15 @@ class Command:
         """Run the missing trials with a progress bar, and print each method's success."""
         from fairlead.core.budget import Budget
         from fairlead.evaluation.bench import TrialsConfig
+        from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
         from fairlead.evaluation.trials import Trials
         from fairlead.execution.trial import Protocol
         from fairlead.scenarios.other_world import Differences
 
         config = TrialsConfig(
             scenario=self.scenario,
-            models=self.models,
-            scenes=self.scenes,
+            models=self.models or shipped_models(self.scenario),
+            scenes=self.scenes or benchmark_scenes(self.scenario),
             methods=tuple(name.strip() for name in self.methods.split(",")),
             budget=Budget.parse(self.budget),
             protocol=Protocol.of(self.protocol),
@@ -73,7 +74,7 @@ class Command:
             differences=None if self.other is None else Differences.parse(self.other),
         )
         trials = Trials(config, self.out)
-        with progress_bar(f"{self.scenario} {self.scenes.stem}", len(trials.missing), "trials") as advance:
+        with progress_bar(f"{self.scenario} {config.scenes.stem}", len(trials.missing), "trials") as advance:
             summary = trials.run(self.workers, lambda row: advance(1))
         if self.json:
             show({"out": str(self.out), **summary}, True)

@@ -1,4 +1,4 @@
-"""`fairlead plan SCENARIO --models DIR --scenes FILE --scene NAME --video out.mp4`."""
+"""`fairlead plan SCENARIO --scene NAME --trace DIR --video out.mp4`."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ class Command:
 
     scenario: Annotated[str, tyro.conf.Positional]
     """The world, for example `dragging`."""
-    models: Path
-    """Folder of the trained models."""
-    scenes: Path
-    """Scene file."""
     scene: str
     """Name of the scene."""
     trace: Path
     """Folder for the trace; must be new. It stays readable if you interrupt the trial."""
+    scenes: Path | None = None
+    """Scene file; by default the benchmark scenes that come with Fairlead."""
+    models: Path | None = None
+    """Folder of trained models; by default those that come with Fairlead."""
     method: str = "trust-sdf"
     """A row of the table of methods."""
     budget: str = "seconds=60"
@@ -45,6 +45,7 @@ class Command:
         from fairlead.core.budget import Budget
         from fairlead.core.errors import ArtifactError
         from fairlead.evaluation.bench import Bench, Job, TrialsConfig
+        from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
         from fairlead.execution.trial import Protocol
         from fairlead.report.video import write_video
         from fairlead.report.videos import panel
@@ -52,9 +53,9 @@ class Command:
         if self.trace.exists():
             raise ArtifactError(self.trace, "exists already; a trace needs a new folder")
         budget, protocol = Budget.parse(self.budget), Protocol.of(self.protocol)
-        bench = Bench(
-            TrialsConfig(self.scenario, self.models, self.scenes, (self.method,), budget, protocol, self.planner)
-        )
+        models = self.models or shipped_models(self.scenario)
+        scenes = self.scenes or benchmark_scenes(self.scenario)
+        bench = Bench(TrialsConfig(self.scenario, models, scenes, (self.method,), budget, protocol, self.planner))
         scene = bench.scenes.scene(self.scene)
         row = bench.run(Job(self.method, scene.name, self.seed, self.trace))
         if self.video is not None:

@@ -12,6 +12,7 @@ from fairlead.core import plugins
 from fairlead.core.artifacts import MANIFEST, read_json, read_manifest, sha256
 from fairlead.core.errors import ArtifactError, UnknownNameError
 from fairlead.core.roles import Dynamics, RecoveryPolicy, TransitionCheck
+from fairlead.learning.packing import PACKED_FROM
 from fairlead.learning.registry import load_check, load_dynamics, load_full_dynamics, load_recovery
 from fairlead.planning.checks import AcceptAll, CollisionCheck, SpreadThreshold
 from fairlead.planning.recovery import NoRecovery, RandomRecovery
@@ -74,7 +75,7 @@ class Models:
         """
         folder = self.folder / name
         trained_on = read_manifest(folder, "model").inputs.get("dynamics")
-        if trained_on is not None and trained_on != sha256(self.folder_of("dynamics") / MANIFEST):
+        if trained_on is not None and trained_on not in _hashes(self.folder_of("dynamics")):
             raise ArtifactError(folder, "trained on other dynamics than those beside it; train it again")
         self.hashes[name] = sha256(folder / MANIFEST)
         return folder
@@ -86,6 +87,11 @@ class Models:
             if (self.folder / name / MANIFEST).exists():
                 return float(read_json(self.folder_of(name) / "metrics.json")["spread_threshold_m"])
         raise ArtifactError(self.folder, "no trust or trust-sdf model, whose validation labels give the threshold")
+
+
+def _hashes(folder: Path) -> tuple[str, str | None]:
+    """By which hashes a model may name the one in `folder` as its input: a packed one goes by its origin's, too."""
+    return sha256(folder / MANIFEST), read_manifest(folder, "model").extra.get(PACKED_FROM)
 
 
 DYNAMICS: dict[str, Callable[[Models], Dynamics]] = {

@@ -104,7 +104,7 @@ def save_model(
     }
     write_json(folder / "config.json", about)
     write_json(folder / "metrics.json", dict(metrics))
-    write_atomic(folder / "card.md", _card(job, kind, network, config, metrics))
+    write_atomic(folder / "card.md", model_card(about, job.seed, job.inputs, metrics))
     names = ("model.safetensors", "config.json", "metrics.json", "card.md", "curves.csv", "curves.png")
     files = {name: sha256(folder / name) for name in names if (folder / name).exists()}
     Manifest("model", about, job.seed, files, dict(job.inputs), {}, wall_s).write(folder)
@@ -132,25 +132,29 @@ def read_model(folder: Path, kind: str, scenario: str) -> ModelFile:
     return ModelFile(folder, about["network"], layout, about["config"], metrics, tensors)
 
 
-def _card(job: Job, kind: str, network: str, config: Any, metrics: Mapping[str, Any]) -> str:
-    numbers = {name: value for name, value in metrics.items() if isinstance(value, int | float | str)}
+def model_card(about: Mapping[str, Any], seed: int, inputs: Mapping[str, str], metrics: Mapping[str, Any]) -> str:
+    """What a model is, what was measured, what it was made with; `about` is as `config.json` has it."""
     lines = [
-        f"# {job.scenario}: {kind} ({network})",
+        f"# {about['scenario']}: {about['kind']} ({about['network']})",
         "",
-        _KINDS[kind],
+        _KINDS[about["kind"]],
         "",
         "## Measured",
-        *(
-            f"- {name}: {value:.4g}" if isinstance(value, float) else f"- {name}: {value}"
-            for name, value in numbers.items()
-        ),
+        *(f"- {name}: {text}" for name, value in metrics.items() if (text := _number(value))),
         "",
         "## Made with",
-        f"- seed {job.seed}",
-        *(f"- {name}: {digest}" for name, digest in job.inputs.items()),
-        *(f"- {name} = {value}" for name, value in asdict(config).items()),
+        f"- seed {seed}",
+        *(f"- {name}: {digest}" for name, digest in inputs.items()),
+        *(f"- {name} = {value}" for name, value in about["config"].items()),
         "",
         "Use only with the scenario it was trained on; outside its training data it is a guess.",
         "",
     ]
     return "\n".join(lines)
+
+
+def _number(value: Any) -> str:
+    """A metric in words: a number, or the numbers of a split; nothing for lists."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {text}" for name, item in value.items() if (text := _number(item)))
+    return f"{value:.4g}" if isinstance(value, float) else str(value) if isinstance(value, int | str) else ""

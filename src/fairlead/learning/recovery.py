@@ -160,12 +160,25 @@ class LearnedRecovery(RecoveryPolicy):
     ) -> Float[np.ndarray, "batch action"]:
         if self._head is None:
             return self._sampler.propose(states, rng)
-        repeated = np.repeat(states, self._samples, axis=0)
-        actions = self._sampler.propose(repeated, rng)
-        features = np.repeat(state_features(self._trust, environment, states), self._samples, axis=0)
-        found = probabilities(self._head, with_actions(self._trust, features, repeated, actions))
-        best = found.reshape(len(states), -1).argmax(axis=1)
-        return actions.reshape(len(states), self._samples, -1)[np.arange(len(states)), best]
+        actions = self._sampler.propose(np.repeat(states, self._samples, axis=0), rng)
+        actions = actions.reshape(len(states), self._samples, -1)
+        best = self.probability(environment, states, actions).argmax(axis=1)
+        return actions[np.arange(len(states)), best]
+
+    def probability(
+        self,
+        environment: Environment,
+        states: Float[np.ndarray, "batch state"],
+        actions: Float[np.ndarray, "batch sample action"],
+    ) -> Float[np.ndarray, "batch sample"]:
+        """How likely each of a state's actions is to lead out of it; without a head, one half."""
+        if self._head is None:
+            return np.full(actions.shape[:2], 0.5)
+        samples = actions.shape[1]
+        features = np.repeat(state_features(self._trust, environment, states), samples, axis=0)
+        repeated = np.repeat(states, samples, axis=0)
+        inputs = with_actions(self._trust, features, repeated, actions.reshape(len(repeated), -1))
+        return probabilities(self._head, inputs).reshape(len(states), samples)
 
 
 def train_recovery(

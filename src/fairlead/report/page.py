@@ -109,7 +109,7 @@ def _trial_section(trials: TrialSet, save: _Figures, name: str, clips: list[Clip
     )
     clock = "" if timed else " A counted budget does not look at the clock: times are those of execution alone."
     section = _Section(
-        title=f"{config['scenario']}: {name}",
+        title=config["scenario"] if name == config["scenario"] else f"{config['scenario']}: {name}",
         lead=f"{counted(scenes, 'scene')} of {config['scenes']}.json, {counted(seeds, 'seed')}; every method on the "
         f"same scenes, starts, goals and seeds. Budget {budget} a trial, protocol “{config['protocol']}”, "
         f"{config['planner']} planner.{other}{clock}",

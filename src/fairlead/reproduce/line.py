@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from importlib import resources
 from pathlib import Path
 
 from fairlead.data.collect import CollectConfig, collect
 from fairlead.evaluation.bench import TrialsConfig
+from fairlead.evaluation.shipped import benchmark_scenes
 from fairlead.evaluation.trials import Trials
 from fairlead.learning.registry import use_threads
 from fairlead.report.page import write_report
@@ -18,11 +18,6 @@ from fairlead.scenarios.scenario import Scenario
 
 Bar = Callable[[str, int, str], AbstractContextManager[Callable[[int], None]]]
 """Opens a progress bar with a title, a total and a unit; yields a function that advances it."""
-
-
-def benchmark_scenes(scenario: str) -> Path:
-    """The scenes that come with the package."""
-    return Path(str(resources.files("fairlead.scenarios") / "scenes" / f"{scenario}.json"))
 
 
 def reproduce(scenario: Scenario, preset: Preset, out: Path, seed: int, threads: int, bar: Bar) -> Path:

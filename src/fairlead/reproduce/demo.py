@@ -1,0 +1,31 @@
+"""Both scenarios at a glance: benchmark scenes planned and executed with the models that come with the package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fairlead.core.budget import Budget
+from fairlead.evaluation.bench import TrialsConfig
+from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
+from fairlead.evaluation.trials import Trials
+from fairlead.report.page import write_report
+from fairlead.reproduce.line import Bar
+
+SCENES, BUDGET = 2, Budget(seconds=20)
+METHODS = {"dragging": ("trust-sdf", "accept-all"), "dual_arm": ("trust-sdf+recovery", "accept-all")}
+"""What is tried, trust first."""
+
+
+def demo(out: Path, workers: int, bar: Bar) -> Path:
+    """Try, report; the path of the page. Run again, it goes on where it stopped.
+
+    Raises:
+        FairleadError: no models come with the package, or a folder in `out` holds something else.
+    """
+    for scenario, methods in METHODS.items():
+        config = TrialsConfig(scenario, shipped_models(scenario), benchmark_scenes(scenario), methods, BUDGET,
+                              limit=SCENES, traced=SCENES, reference=methods[0])  # fmt: skip
+        trials = Trials(config, out / "trials" / scenario)
+        with bar(f"{scenario} trials", len(trials.missing), "trials") as advance:
+            trials.run(workers, lambda row: advance(1))
+    return write_report([out / "trials"], out / "report")
