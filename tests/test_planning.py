@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from typing import final
 
 import numpy as np
@@ -18,14 +19,22 @@ from fairlead.core.streams import stream
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box
 from fairlead.planning.checks import AcceptAll
+from fairlead.planning.choice import Surest, ToTheMiddle
 from fairlead.planning.ompl import OmplRRT
-from fairlead.planning.problem import Problem, SearchSettings
+from fairlead.planning.problem import Planner, Problem, SearchSettings
 from fairlead.planning.rrt import BatchedRRT
 from toy import BAR, LAYOUT, SAMPLER, BrokenChain, FreeChain, arena, problem, straight, tail_goal
 
-PLANNERS = [BatchedRRT(), BatchedRRT(lanes=7, candidates=20), OmplRRT()]
-NAMES = ["batched", "seven-lanes", "ompl"]
+PLANNERS = [BatchedRRT(), BatchedRRT(lanes=7, candidates=20), OmplRRT(), Surest(ToTheMiddle(BatchedRRT()), 3)]
+NAMES = ["batched", "seven-lanes", "ompl", "middle-surest"]
 each_planner = pytest.mark.parametrize("planner", PLANNERS, ids=NAMES)
+
+
+def like(planner: Planner, settings: SearchSettings) -> Planner:
+    """A planner of the same kind with other settings."""
+    return Surest(ToTheMiddle(BatchedRRT(settings)), 3) if isinstance(planner, Surest) else type(planner)(settings)
+
+
 START = straight(-0.4, 0.0)
 UNCLIPPED = RandomDisplacement(LAYOUT, 0.15, (-9, -9, 0.02), (9, 9, 0.02), planar=True)
 
@@ -46,6 +55,17 @@ class Scripted(TransitionCheck):
         self.asked += len(transitions)
         self.batches.append(len(transitions))
         return np.where((numbers >= self.accepted.start) & (numbers < self.accepted.stop), 1.0, self.otherwise)
+
+
+@final
+class Slope(TransitionCheck):
+    """Trusts less the farther the gripper goes from the middle line."""
+
+    def encode(self, environment, states):
+        return states[:, 1:2].astype(np.float32)
+
+    def probability(self, environment, transitions, encodings, next_encodings):
+        return np.exp(-0.3 * np.abs(next_encodings[:, 0]))
 
 
 def meter(extensions: float = 20_000) -> Meter:
@@ -150,7 +170,7 @@ def test_seconds_end_an_attempt(planner, budget_s, attempt_s):
     timed = Meter(Budget(seconds=budget_s), lambda: next(ticks))
     timed.start_planning()
     unreachable = problem(arena(), tail_goal(0.5, 0.1, radius=1e-6))
-    plan = type(planner)(SearchSettings(attempt_seconds=attempt_s)).plan(unreachable, START, timed, stream(0))
+    plan = like(planner, SearchSettings(attempt_seconds=attempt_s)).plan(unreachable, START, timed, stream(0))
     assert plan.outcome is PlanOutcome.PARTIAL
     assert timed.spent_s == pytest.approx(1.0, abs=0.3)
 
@@ -158,7 +178,7 @@ def test_seconds_end_an_attempt(planner, budget_s, attempt_s):
 @each_planner
 def test_an_attempt_stays_within_its_own_extensions(planner):
     unreachable = problem(arena(), tail_goal(0.5, 0.1, radius=1e-6))
-    short = type(planner)(SearchSettings(attempt_extensions=100))
+    short = like(planner, SearchSettings(attempt_extensions=100))
     assert short.plan(unreachable, START, meter(), stream(0)).extensions == 100
 
 
@@ -210,3 +230,25 @@ def test_settings_that_make_no_sense_are_refused():
             SearchSettings(**wrong)
     with pytest.raises(FairleadError):
         BatchedRRT(lanes=0)
+
+
+@settings(max_examples=8, deadline=None)
+@given(seed=st.integers(0, 2**32), share=st.floats(0.2, 1.0))
+def test_plans_to_the_middle_end_there(seed, share):
+    task = problem(arena(BAR), tail_goal(0.5, 0.1))
+    plan = ToTheMiddle(BatchedRRT(), share).plan(task, START, meter(), stream(seed))
+    assert plan.outcome is PlanOutcome.GOAL
+    assert task.goal.error(plan.states[-1]) <= share * task.goal.tolerance
+
+
+def test_the_surest_plan_is_the_surest_of_those_that_were_made():
+    """A check that trusts less the farther a rope is from the middle line: plans differ in trust."""
+    task = replace(problem(arena(BAR), tail_goal(0.5, 0.1)), check=Slope())
+    rng, alone = stream(5), meter()
+    each = [BatchedRRT().plan(task, START, alone, rng) for _ in range(4)]
+    spent = meter()
+    surest = Surest(BatchedRRT(), 4).plan(task, START, spent, stream(5))
+    products = [np.prod(plan.trust) for plan in each]
+    assert len(set(products)) == 4
+    assert np.prod(surest.trust) == max(products)
+    assert surest.extensions == spent.extensions == alone.extensions

@@ -18,6 +18,7 @@ from fairlead.core.streams import stream, stream_seed
 from fairlead.evaluation.methods import Models, Parts, find_method
 from fairlead.execution.trace import NoTrace, Recorder, TraceFolder
 from fairlead.execution.trial import Protocol, Task, run_trial
+from fairlead.planning.choice import Surest, ToTheMiddle
 from fairlead.planning.ompl import OmplRRT
 from fairlead.planning.problem import PAPER, Planner, Problem, SearchSettings
 from fairlead.planning.rrt import BatchedRRT
@@ -27,7 +28,13 @@ from fairlead.scenarios.scene_files import Scene
 
 Row = dict[str, Any]
 
-PLANNERS: dict[str, Callable[[SearchSettings], Planner]] = {"rrt": BatchedRRT, "ompl": OmplRRT}
+PLANNERS: dict[str, Callable[[SearchSettings], Planner]] = {
+    "rrt": BatchedRRT,
+    "rrt-middle": lambda settings: ToTheMiddle(BatchedRRT(settings)),
+    "rrt-surest": lambda settings: Surest(BatchedRRT(settings)),
+    "rrt-middle-surest": lambda settings: Surest(ToTheMiddle(BatchedRRT(settings))),
+    "ompl": OmplRRT,
+}
 """Called with the limits of a planning attempt. Others come by entry points in `fairlead.planners`."""
 
 
