@@ -28,6 +28,8 @@ class Command:
     """Actions in a trajectory; 0 for the paper's."""
     lanes: int = 64
     """Chains of trajectories that run side by side; at least eight for all three splits."""
+    obstacles_every: int = 8
+    """Phase 2: the obstacles move after so many trajectories of a lane. Fewer give more scenes to learn from."""
     seed: int = 0
     """Of every random stream."""
     threads: int = os.cpu_count() or 1
@@ -42,7 +44,7 @@ class Command:
         from fairlead.scenarios.registry import scenario
 
         world = scenario(self.scenario)
-        config = CollectConfig(self.phase, 1, self.seed, self.lanes, self.steps)
+        config = CollectConfig(self.phase, 1, self.seed, self.lanes, self.steps, self.obstacles_every)
         count = world.paper_data[self.phase - 1][0] if self.trajectories is None else self.trajectories
         config = replace(config, trajectories=count)
         total = count * config.resolved(world)["steps"]
