@@ -54,8 +54,8 @@ def _wait(world: DualArmWorld, seconds: float) -> None:
     """Let every copy go on for so long with its grippers where they are."""
     states = world.observe()
     world.send(np.arange(len(states)), states[:, : LAYOUT.action_size])
-    for _ in range(round(seconds / world._tick)):
-        world._advance(world._active)
+    for _ in range(round(seconds / world._tick_s)):
+        world._tick(world._active)
 
 
 def _check_length(states: np.ndarray) -> None:
@@ -132,9 +132,9 @@ def test_pulled_down_onto_a_bar_the_rope_neither_sinks_in_nor_tunnels_and_holds(
         action = world.observe()[:, : LAYOUT.action_size] + np.tile(move, 2)
         world.send(np.array([0]), action)
         while True:
-            world._advance(world._active)
+            at_rest = world._tick(world._active)
             worst = max(worst, _penetration(world, 0))
-            if world._ended(world._active)[0]:
+            if at_rest[0]:
                 break
         world.receive()
         points = LAYOUT.points_of(world.observe())[0]
@@ -263,18 +263,18 @@ def test_divergence_is_found_and_never_observed(speed: float) -> None:
     obstacles, states = _scenes()
     world = _world(obstacles[:3], states[:3])
     before = world.observe()
-    advance = world._advance
+    tick = world._tick
 
-    def break_one(ids: np.ndarray) -> None:
+    def break_one(ids: np.ndarray) -> np.ndarray:
         if 1 in ids:
             world.simulation.qvel[1] = speed
-        advance(ids)
+        return tick(ids)
 
-    world._advance = break_one
+    world._tick = break_one
     executed = world.execute(DUAL.sampler.propose(before, stream(11, "broken")))
     assert executed.diverged.tolist() == [False, True, False]
     np.testing.assert_allclose(executed.states[1], before[1], atol=1e-9)
-    world._advance = advance
+    world._tick = tick
     again = world.execute(DUAL.sampler.propose(before, stream(11, "mended")))
     assert not again.diverged.any(), "a copy that diverged once goes on from where it was put back"
 

@@ -12,14 +12,14 @@ from typing import final
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from fairlead.core.layout import StateLayout
-from fairlead.core.records import ActionOutcome, Executed
+from fairlead.core.records import ActionOutcome
 from fairlead.geometry.shapes import Box, Obstacle
-from fairlead.scenarios.obstacles import Sizes, add_boxes, box_poses, box_sizes
+from fairlead.scenarios.obstacles import Sizes, add_boxes, box_sizes, place_boxes
 from fairlead.scenarios.rope import FLOOR_BIT, OBSTACLE_BIT, PlanarRope
-from fairlead.scenarios.simulate import SimulatedWorld, Simulation, base_options
+from fairlead.scenarios.simulate import PhysicalWorld, Simulation, base_options
 
 LAYOUT = StateLayout(("gripper",), 10)
 _TARGET, _TIMEOUT, _DIVERGED = map(
@@ -100,7 +100,7 @@ def build_spec(sizes: Sizes | None, rope: PlanarRope, gripper: Gripper) -> mujoc
 
 
 @final
-class DraggingWorld(SimulatedWorld):
+class DraggingWorld(PhysicalWorld):
     """Copies of the arena, one for each row of `states`, settled at the start.
 
     `obstacles` None is the unconstrained world of phase 1: a floor without obstacles or walls.
@@ -119,54 +119,25 @@ class DraggingWorld(SimulatedWorld):
     ) -> None:
         sizes = None if obstacles is None else box_sizes(obstacles[0])
         model = build_model(sizes, rope, gripper)
-        self.rope, self.gripper, self.simulation = rope, gripper, Simulation(model, len(states), threads)
-        batch = self.simulation.batch
-        if obstacles is not None and sizes:
-            batch.mocap_pos, batch.mocap_quat = box_poses(obstacles, sizes)
+        super().__init__(Simulation(model, len(states), threads), LAYOUT, model.opt.timestep)
+        self.rope, self.gripper = rope, gripper
+        if obstacles is not None:
+            place_boxes(self.simulation.batch, obstacles)
         self._hinges = np.array([model.joint(f"hinge{i}").qposadr[0] for i in reversed(range(rope.links))])
         self._settle_steps = round(gripper.settle / model.opt.timestep)
-        self._active, self._warm = np.empty(0, np.int32), batch.bind("qacc_warmstart")
-        self._before = np.zeros_like(self.simulation.qpos)
         self._from, self._to = np.zeros((2, len(states), 2))
-        self._clock, self._end, self._outcome = np.zeros((3, len(states)), int)
-        self.place(states)
-        self._residual = np.where(self._unsound, np.inf, self._rms(states))
+        self._end = np.zeros(len(states), int)
+        flat = states.copy()
+        flat[:, 2::3] = rope.height
+        self._settle(flat)
 
-    def place(self, states: Float[np.ndarray, "batch state"]) -> None:
-        """Lay every rope at the given points, at rest, and let it settle.
-
-        Where that diverges the rope stays as laid, and the next action ends as diverged.
-        """
-        qpos = np.zeros_like(self.simulation.qpos)
-        qpos[:, :2] = states[:, :2]
+    def _lay(self, ids: Int[np.ndarray, " some"], states: Float[np.ndarray, "some state"]) -> None:
         headings = self.rope.headings(states[:, :3], LAYOUT.points_of(states))
-        qpos[:, self._hinges] = self.rope.joint_angles(headings)
-        self.simulation.qpos[:], self.simulation.qvel[:] = qpos, 0.0
-        self._from[:], self._to[:], self._clock[:], self._end[:] = qpos[:, :2], qpos[:, :2], 0, self._settle_steps
-        everyone = np.arange(len(states), dtype=np.int32)
-        for _ in range(self._settle_steps):
-            self._step(everyone)
-        self._unsound = self.simulation.diverged(everyone)
-        self.simulation.qpos[self._unsound], self.simulation.qvel[:] = qpos[self._unsound], 0.0
-
-    @property
-    def layout(self) -> StateLayout:
-        return LAYOUT
-
-    @property
-    def residual(self) -> Float[np.ndarray, " batch"]:
-        return self._residual
-
-    @property
-    def steps(self) -> int:
-        return self.simulation.steps
-
-    def _rms(self, states: Float[np.ndarray, "batch state"]) -> Float[np.ndarray, " batch"]:
-        gap = LAYOUT.points_of(self.observe()) - LAYOUT.points_of(states)
-        return np.sqrt((gap[..., :2] ** 2).sum(-1).mean(-1))
-
-    def observe(self) -> Float[np.ndarray, "batch state"]:
-        return self._observe(np.arange(len(self._clock)))
+        qpos = np.zeros((len(ids), self.simulation.model.nq))
+        qpos[:, :2], qpos[:, self._hinges] = states[:, :2], self.rope.joint_angles(headings)
+        self.simulation.qpos[ids] = qpos
+        self._from[ids] = self._to[ids] = states[:, :2]
+        self._end[ids], self._outcome[ids] = self._settle_steps, _TARGET
 
     def _observe(self, ids: Int[np.ndarray, " some"]) -> Float[np.ndarray, "some state"]:
         """Gripper and link centres [m], by forward kinematics from the joint positions."""
@@ -178,30 +149,13 @@ class DraggingWorld(SimulatedWorld):
         LAYOUT.points_of(state)[..., :2] = qpos[:, None, :2] + np.einsum("ij,bjk->bik", rope.centre_weights, direction)
         return state
 
-    def send(self, ids: Int[np.ndarray, " some"], actions: Float[np.ndarray, "some action"]) -> None:
-        self._before[ids] = self.simulation.qpos[ids]
-        self._from[ids], self._to[ids] = self._before[ids, :2], actions[:, :2]
-        self._clock[ids], self._end[ids] = 0, _NEVER
-        self._active = np.union1d(self._active, ids).astype(np.int32)
+    def _begin(self, ids: Int[np.ndarray, " some"], actions: Float[np.ndarray, "some action"]) -> None:
+        self._from[ids], self._to[ids] = self.simulation.qpos[ids, :2], actions[:, :2]
+        self._end[ids] = _NEVER
 
-    def receive(self) -> tuple[Int[np.ndarray, " some"], Executed]:
-        """Move each gripper towards its target until it is there or the time is out, then let the rope settle."""
-        self.check_sent(len(self._active))
-        done = np.zeros(len(self._active), bool)
-        while not done.any():
-            self._step(self._active)
-            done = self._clock[self._active] == self._end[self._active]
-        ids, self._active = self._active[done], self._active[~done]
-        bad = ids[self._unsound[ids] | self.simulation.diverged(ids) | (self._outcome[ids] == _DIVERGED)]
-        self._outcome[bad], self.simulation.qpos[bad], self._warm[bad] = _DIVERGED, self._before[bad], 0.0
-        self.simulation.qvel[ids] = 0.0
-        seconds = self._clock[ids] * self.simulation.dt
-        return ids, Executed(self._observe(ids), seconds, self._outcome[ids])
-
-    def _step(self, ids: Int[np.ndarray, " active"]) -> None:
+    def _tick(self, ids: Int[np.ndarray, " active"]) -> Bool[np.ndarray, " active"]:
         """One step of each copy; those that end their motion hold where they are, or should be, until `_end`."""
         simulation, gripper = self.simulation, self.gripper
-        self._clock[ids] += 1
         self._drive(ids)
         simulation.step(ids)
         moving = ids[self._end[ids] == _NEVER]
@@ -217,6 +171,7 @@ class DraggingWorld(SimulatedWorld):
         ended = moving[arrived | late | bad]
         self._from[ended] = self._to[ended]
         self._end[ended] = self._clock[ended] + self._settle_steps
+        return np.asarray(self._clock[ids] == self._end[ids])
 
     def _drive(self, ids: Int[np.ndarray, " active"]) -> None:
         """Set the gripper forces for the set-points, each of which left `_from` as its clock began."""

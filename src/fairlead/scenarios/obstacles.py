@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import mujoco
+import mujoco.batch
 import numpy as np
 from jaxtyping import Float
 
@@ -34,17 +35,19 @@ def add_boxes(spec: mujoco.MjSpec, sizes: Sizes, friction: float) -> None:
         )  # fmt: skip
 
 
-def box_poses(
-    batch: Sequence[Sequence[Obstacle]], sizes: Sizes
-) -> tuple[Float[np.ndarray, "batch box 3"], Float[np.ndarray, "batch box 4"]]:
-    """Positions and quaternions (w, x, y, z) of the boxes of each row, checked against the model's sizes."""
-    for obstacles in batch:
-        if box_sizes(obstacles) != sizes:
-            raise FairleadError("all scenes simulated together must have boxes of the same sizes in the same order")
-    boxes = [[box for obstacle in obstacles for box in obstacle.boxes] for obstacles in batch]
-    positions = np.array([[box.position for box in row] for row in boxes]).reshape(len(batch), -1, 3)
-    quaternions = np.array([[np.roll(box.quaternion_xyzw, 1) for box in row] for row in boxes])
-    return positions, quaternions.reshape(len(batch), -1, 4)
+def place_boxes(batch: mujoco.batch.Batch, obstacles: Sequence[Sequence[Obstacle]]) -> None:
+    """Move the boxes, the last mocap bodies of a model, to where each row has them.
+
+    Raises:
+        FairleadError: rows with boxes of different sizes.
+    """
+    sizes = box_sizes(obstacles[0])
+    if any(box_sizes(row) != sizes for row in obstacles):
+        raise FairleadError("all scenes simulated together must have boxes of the same sizes in the same order")
+    if sizes:
+        boxes = [[box for obstacle in row for box in obstacle.boxes] for row in obstacles]
+        batch.mocap_pos[:, -len(sizes) :] = [[box.position for box in row] for row in boxes]
+        batch.mocap_quat[:, -len(sizes) :] = [[np.roll(box.quaternion_xyzw, 1) for box in row] for row in boxes]
 
 
 def place_apart(

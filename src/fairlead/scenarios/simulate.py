@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import fields
 from typing import final
 
 import mujoco
@@ -14,9 +15,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from fairlead.core.errors import FairleadError
-from fairlead.core.records import Executed
+from fairlead.core.layout import StateLayout
+from fairlead.core.records import ActionOutcome, Executed
 from fairlead.core.roles import World
 
+_DIVERGED = tuple(ActionOutcome).index(ActionOutcome.DIVERGED)
 SPEED_LIMIT = 100.0
 """A joint velocity [m/s or rad/s] that no sound simulation reaches."""
 
@@ -37,23 +40,24 @@ class SimulatedWorld(World):
         """
 
     @final
-    @staticmethod
-    def check_sent(count: int) -> None:
-        """Refuse to wait for nothing."""
-        if not count:
-            raise FairleadError("no copy of the world has an action to carry out: send some first")
+    def execute(self, actions: Float[np.ndarray, "batch action"]) -> Executed:
+        return self.carry(np.arange(len(actions)), actions)
 
     @final
-    def execute(self, actions: Float[np.ndarray, "batch action"]) -> Executed:
-        everyone = np.arange(len(actions), dtype=np.int32)
-        self.send(everyone, actions)
-        states, seconds, outcomes = self.observe(), np.zeros(len(actions)), np.zeros(len(actions), int)
-        left = len(actions)
-        while left:
-            ids, done = self.receive()
-            states[ids], seconds[ids], outcomes[ids] = done.states, done.seconds, done.outcomes
-            left -= len(ids)
-        return Executed(states, seconds, outcomes)
+    def carry(self, ids: Int[np.ndarray, " some"], actions: Float[np.ndarray, "some action"]) -> Executed:
+        """One action of some copies, given in order; the others rest."""
+        self.send(ids, actions)
+        return self.receive_all(len(ids))
+
+    @final
+    def receive_all(self, count: int) -> Executed:
+        """What happened to `count` copies, all that something was sent to, in their order."""
+        parts: list[tuple[np.ndarray, Executed]] = []
+        while sum(len(ids) for ids, _ in parts) < count:
+            parts.append(self.receive())
+        order = np.argsort(np.concatenate([ids for ids, _ in parts]))
+        columns = [np.concatenate([getattr(done, field.name) for _, done in parts]) for field in fields(Executed)]
+        return Executed(*(column[order] for column in columns))
 
     @property
     @abstractmethod
@@ -89,7 +93,8 @@ class Simulation:
         self.batch = mujoco.batch.Batch(model, count, threads)
         self.dt: float = model.opt.timestep
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
-        self.ctrl = self.batch.bind("ctrl")
+        self.ctrl, self.mocap = self.batch.bind("ctrl"), self.batch.bind("mocap_pos")
+        self.warmstart = self.batch.bind("qacc_warmstart")
         self.steps = 0
 
     def step(self, ids: Int[np.ndarray, " active"], count: int = 1) -> None:
@@ -102,3 +107,94 @@ class Simulation:
         velocity = self.qvel[ids]
         sound = np.isfinite(self.qpos[ids]).all(axis=1) & (np.abs(velocity) < SPEED_LIMIT).all(axis=1)
         return np.asarray(~sound)
+
+
+class PhysicalWorld(SimulatedWorld):
+    """Copies of a model. A subclass says how they begin, what a tick of their clocks does, and when they are at rest.
+
+    Its constructor makes this one's call first, and `_settle` last.
+
+    Args:
+        simulation: of the copies.
+        layout: how to read a state.
+        tick: simulated time [s] between two ticks.
+    """
+
+    def __init__(self, simulation: Simulation, layout: StateLayout, tick: float) -> None:
+        count = len(simulation.qpos)
+        self.simulation, self._layout, self._tick_s = simulation, layout, tick
+        self._active, self._unsound = np.empty(0, np.int32), np.zeros(count, bool)
+        self._clock, self._outcome = np.zeros((2, count), int)
+        self._safe_qpos, self._safe_mocap = simulation.qpos.copy(), simulation.mocap.copy()
+
+    @abstractmethod
+    def _lay(self, ids: Int[np.ndarray, " some"], states: Float[np.ndarray, "some state"]) -> None:
+        """Put these ropes along the given points, where ticks will let them settle."""
+
+    @abstractmethod
+    def _begin(self, ids: Int[np.ndarray, " some"], actions: Float[np.ndarray, "some action"]) -> None:
+        """Begin an action."""
+
+    @abstractmethod
+    def _tick(self, ids: Int[np.ndarray, " active"]) -> Bool[np.ndarray, " active"]:
+        """Simulate up to the next tick; which copies are at rest, their `_outcome` noted."""
+
+    @abstractmethod
+    def _observe(self, ids: Int[np.ndarray, " some"]) -> Float[np.ndarray, "some state"]:
+        """The states of some copies [m]."""
+
+    @property
+    @final
+    def layout(self) -> StateLayout:
+        return self._layout
+
+    @property
+    @final
+    def residual(self) -> Float[np.ndarray, " batch"]:
+        return self._residual
+
+    @property
+    @final
+    def steps(self) -> int:
+        return self.simulation.steps
+
+    @final
+    def observe(self) -> Float[np.ndarray, "batch state"]:
+        return self._observe(np.arange(len(self._clock), dtype=np.int32))
+
+    @final
+    def _settle(self, states: Float[np.ndarray, "batch state"]) -> None:
+        """Lay every rope and let it settle. Where that diverges it stays as laid, and every action ends as diverged."""
+        everyone = np.arange(len(states), dtype=np.int32)
+        self._lay(everyone, states)
+        self._activate(everyone)
+        settled = self.receive_all(len(states))
+        self._unsound = settled.diverged
+        gap = self._layout.points_of(settled.states) - self._layout.points_of(states)
+        self._residual = np.where(self._unsound, np.inf, np.sqrt((gap * gap).sum(-1).mean(-1)))
+
+    @final
+    def send(self, ids: Int[np.ndarray, " some"], actions: Float[np.ndarray, "some action"]) -> None:
+        self._begin(ids, actions)
+        self._activate(ids)
+
+    def _activate(self, ids: Int[np.ndarray, " some"]) -> None:
+        self._safe_qpos[ids], self._safe_mocap[ids] = self.simulation.qpos[ids], self.simulation.mocap[ids]
+        self._clock[ids] = 0
+        self._active = np.union1d(self._active, ids).astype(np.int32)
+
+    @final
+    def receive(self) -> tuple[Int[np.ndarray, " some"], Executed]:
+        if not len(self._active):
+            raise FairleadError("no copy of the world has an action to carry out: send some first")
+        at_rest = np.zeros(len(self._active), bool)
+        while not at_rest.any():
+            self._clock[self._active] += 1
+            at_rest = self._tick(self._active)
+        ids, self._active = self._active[at_rest], self._active[~at_rest]
+        simulation = self.simulation
+        lost = ids[self._unsound[ids] | simulation.diverged(ids) | (self._outcome[ids] == _DIVERGED)]
+        self._outcome[lost] = _DIVERGED
+        simulation.qpos[lost], simulation.mocap[lost] = self._safe_qpos[lost], self._safe_mocap[lost]
+        simulation.qvel[ids], simulation.warmstart[lost] = 0.0, 0.0
+        return ids, Executed(self._observe(ids), self._clock[ids] * self._tick_s, self._outcome[ids])
