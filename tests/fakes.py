@@ -41,7 +41,7 @@ class FakeWorld(SimulatedWorld):
     def __init__(self, obstacles: Sequence[Sequence[Obstacle]], states: np.ndarray, fragile: float) -> None:
         self._boxes = [[box for obstacle in row for box in obstacle.boxes] for row in obstacles]
         self._states, self._fragile, self._steps = states.astype(float), fragile, 0
-        self._sent: dict[int, np.ndarray] = {}
+        self._sent: dict[int, np.ndarray | None] = {}
 
     @property
     def layout(self) -> StateLayout:
@@ -58,13 +58,20 @@ class FakeWorld(SimulatedWorld):
     def observe(self) -> np.ndarray:
         return self._states.copy()
 
+    def restart(self, ids: np.ndarray, states: np.ndarray) -> None:
+        self._states[ids] = states
+        self._sent |= dict.fromkeys(ids.tolist())
+
     def send(self, ids: np.ndarray, actions: np.ndarray) -> None:
         self._sent |= dict(zip(ids.tolist(), actions, strict=True))
 
     def receive(self) -> tuple[np.ndarray, Executed]:
         """One copy after the other, the last one sent first."""
         index, action = self._sent.popitem()
-        ids, actions = np.array([index]), action[None]
+        ids = np.array([index])
+        if action is None:
+            return ids, Executed(self._states[ids], np.zeros(1), np.zeros(1, int))
+        actions = action[None]
         gripper = LAYOUT.grippers_of(self._states[ids])[:, 0]
         blocked = np.array([box_distance(self._boxes[index], actions[0]) < 0])
         diverged = gripper[:, 0] > EDGE - self._fragile

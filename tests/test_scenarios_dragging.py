@@ -123,13 +123,11 @@ def test_full_force_pushes_neither_tunnel_nor_sink() -> None:
     fields = [DRAGGING.environment(o) for o in obstacles]
     everyone = np.arange(count, dtype=np.int32)
     for _ in range(16):
-        start = world.simulation.qpos[:, :2].copy()
         yaw = rng.uniform(-np.pi, np.pi, count)
-        target = start + 0.3 * np.stack([np.cos(yaw), np.sin(yaw)], -1)
-        world._from[:], world._to[:] = start, target
+        world._begin(everyone, world.simulation.qpos[:, :2] + 0.3 * np.stack([np.cos(yaw), np.sin(yaw)], -1))
         for k in range(1, 251):
             world._clock[:] = k
-            world._drive(everyone)
+            world._drive()
             world.simulation.step(everyone)
             if k % 50 == 0:
                 for i, (field, state) in enumerate(zip(fields, world.observe(), strict=True)):
@@ -144,9 +142,8 @@ def test_state_at_rest_does_not_drift() -> None:
     for _ in range(5):
         world.execute(DRAGGING.sampler.propose(world.observe(), rng))
     before = world.observe()
-    world._from[:], world._to[:], world._end[:] = before[:, :2], before[:, :2], 10_000
+    world._hold(np.arange(16), before[:, :2])
     for _ in range(750):
-        world._clock += 1
         world._tick(np.arange(16))
     moved = np.linalg.norm(world.observe() - before, axis=1)
     assert moved.max() < 0.001
@@ -217,9 +214,9 @@ def test_divergence_is_found_and_never_observed(speed: float) -> None:
     before = world.observe()
     drive = world._drive
 
-    def break_one(ids, *rest):
-        drive(ids, *rest)
-        if 1 in ids:
+    def break_one() -> None:
+        drive()
+        if 1 in world._active:
             world.simulation.qvel[1] = speed
 
     world._drive = break_one

@@ -1,13 +1,14 @@
 """Collection (paper, "Data collection"): lanes of trajectories side by side, with no reset in between.
 
 Shard k is trajectory number k of every lane. It is a function of the seed and of shard k - 1 as recorded, so a run
-that was killed and started again writes the same bytes as one that was not, at any number of threads.
+that was killed and started again writes the same bytes as one that was not, at any number of threads. Lanes wait for
+each other only where the obstacles move.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -18,15 +19,12 @@ from jaxtyping import Float, Int
 from fairlead.core.artifacts import Manifest
 from fairlead.core.budget import Clock
 from fairlead.core.errors import FairleadError
-from fairlead.core.records import ActionOutcome
 from fairlead.core.streams import stream
+from fairlead.data.lanes import Lanes, Recorded
 from fairlead.data.recording import Recording
 from fairlead.data.shards import Shard, split_of
 from fairlead.data.store import Obstacles
 from fairlead.scenarios.scenario import Scenario
-from fairlead.scenarios.simulate import SimulatedWorld
-
-_REACHED, _DIVERGED = map(tuple(ActionOutcome).index, (ActionOutcome.TARGET, ActionOutcome.DIVERGED))
 
 
 @dataclass(frozen=True)
@@ -85,30 +83,54 @@ def collect(
         config: what to record.
         folder: where; a finished dataset of the same configuration is verified and left as it is.
         threads: of the simulator; they do not change a byte.
-        advance: told how many more transitions there are, those found at the start included.
+        advance: told how many more transitions there are, those found at the start included; fewer, where some were
+            dropped.
         clock: measures wall time.
 
     Raises:
         ArtifactError: the folder holds something else.
     """
-    resolved = config.resolved(scenario)
-    lanes, steps = resolved["lanes"], resolved["steps"]
-    recording = Recording(folder, resolved)
+    recording = Recording(folder, config.resolved(scenario))
     if recording.manifest:
         return recording.manifest
-    previous = recording.last()
+    lanes, steps = recording.config["lanes"], recording.config["steps"]
     advance(min(len(recording) * lanes, config.trajectories) * steps)
-    for index in range(len(recording), -(-config.trajectories // lanes)):
-        began, count = clock(), min(lanes, config.trajectories - index * lanes)
-        starts = _starts(scenario, config, index, count, previous, recording.scenes, threads)
-        if config.phase == 1:
-            world = scenario.simulate_unconstrained(starts.states, threads)
-        else:
-            world = scenario.simulate([starts.scenes[i] for i in starts.scene], starts.states, threads)
-        previous, diverged = _record(scenario, config.seed, index, starts.scene, world, resolved, advance)
-        new = starts.scenes[len(recording.scenes) :]
-        recording.append(previous, new, diverged=diverged, simulation_steps=world.steps, wall_s=clock() - began)
+    while len(recording) * lanes < config.trajectories:
+        _record(scenario, config, recording, threads, advance, clock)
     return recording.finish()
+
+
+def _record(
+    scenario: Scenario,
+    config: CollectConfig,
+    recording: Recording,
+    threads: int,
+    advance: Callable[[int], None],
+    clock: Clock,
+) -> None:
+    """The shards up to where the obstacles move next, or to one in which a lane diverged.
+
+    Meanwhile lanes run ahead of each other; what a lane has recorded beyond the last shard is lost when the run ends.
+    """
+    began, taken, first, lanes = clock(), 0, len(recording), recording.config["lanes"]
+    lane = np.arange(min(lanes, config.trajectories - first * lanes))
+    moves = first - first % config.obstacles_every + config.obstacles_every
+    counts = np.minimum(moves, -(-(config.trajectories - lane) // lanes)) - first
+    starts = _starts(scenario, config, first, len(lane), recording.last(), recording.scenes, threads)
+    if config.phase == 1:
+        world, sampler = scenario.simulate_unconstrained(starts.states, threads), scenario.unconstrained_sampler
+    else:
+        obstacles = [starts.scenes[i] for i in starts.scene]
+        world, sampler = scenario.simulate(obstacles, starts.states, threads), scenario.sampler
+
+    def draws(lane: int, number: int) -> np.random.Generator:
+        return stream(config.seed, "actions", config.phase, lane, first + number)
+
+    for recorded in Lanes(world, sampler, counts, recording.config["steps"], draws, advance).record():
+        shard = _shard(len(recording) * lanes, starts.scene, recorded)
+        facts = {"diverged": int((~recorded.sound).sum()), "simulation_steps": world.steps - taken}
+        recording.append(shard, starts.scenes[len(recording.scenes) :], **facts, wall_s=clock() - began)
+        began, taken = clock(), world.steps
 
 
 @dataclass(frozen=True)
@@ -155,51 +177,16 @@ def _starts(
     return _Starts(stacked, np.array(scene), scenes)
 
 
-def _record(
-    scenario: Scenario,
-    seed: int,
-    index: int,
-    scene: Int[np.ndarray, " lane"],
-    world: SimulatedWorld,
-    config: Mapping[str, Any],
-    advance: Callable[[int], None],
-) -> tuple[Shard, int]:
-    """One trajectory of every lane, and how many diverged and are left out.
-
-    The displacement repeats with the sampler's probability, but never after an action that was blocked: repeating it
-    would be blocked again, which teaches little.
-    """
-    sampler = scenario.unconstrained_sampler if config["phase"] == 1 else scenario.sampler
-    lanes, steps, layout = np.arange(len(scene)), config["steps"], scenario.layout
-    streams = [stream(seed, "actions", config["phase"], int(lane), index) for lane in lanes]
-    displacement = np.zeros((len(lanes), len(layout.grippers), 3))
-    keep = np.zeros(len(lanes), bool)
-    states = np.empty((len(lanes), steps + 1, layout.state_size))
-    actions = np.empty((len(lanes), steps, layout.action_size))
-    seconds, outcomes = np.empty((len(lanes), steps)), np.empty((len(lanes), steps), int)
-    states[:, 0] = world.observe()
-    taken, ready = np.zeros(len(lanes), int), lanes
-    while (taken < steps).any():
-        ready = ready[taken[ready] < steps]
-        for i in ready:
-            displacement[i] = sampler.redraw(displacement[i : i + 1], keep[i : i + 1], streams[i])[0]
-        at = ready, taken[ready]
-        actions[at] = sampler.targets(states[at], displacement[ready])
-        world.send(ready, actions[at])
-        ready, done = world.receive()
-        seconds[ready, taken[ready]], outcomes[ready, taken[ready]] = done.seconds, done.outcomes
-        taken[ready] += 1
-        states[ready, taken[ready]], keep[ready] = done.states, done.outcomes == _REACHED
-        advance(len(ready))
-    sound = np.isfinite(states).all(axis=(1, 2)) & (outcomes != _DIVERGED).all(axis=1)
-    shard = Shard(
-        episode=(index * config["lanes"] + lanes)[sound],
-        lane=lanes[sound],
-        scene=scene[sound],
-        split=np.array([split_of(int(lane)) for lane in lanes[sound]], dtype=str),
-        states=states[sound].astype(np.float32),
-        actions=actions[sound].astype(np.float32),
-        seconds=seconds[sound].astype(np.float32),
-        outcomes=outcomes[sound],
+def _shard(episode: int, scene: Int[np.ndarray, " lane"], recorded: Recorded) -> Shard:
+    """What was recorded and did not diverge; `episode` is the number of the first lane's."""
+    lane, sound = recorded.lane[recorded.sound], recorded.sound
+    return Shard(
+        episode=episode + lane,
+        lane=lane,
+        scene=scene[lane],
+        split=np.array([split_of(int(i)) for i in lane], dtype=str),
+        states=recorded.states[sound].astype(np.float32),
+        actions=recorded.actions[sound].astype(np.float32),
+        seconds=recorded.seconds[sound].astype(np.float32),
+        outcomes=recorded.outcomes[sound],
     )
-    return shard, int((~sound).sum())

@@ -25,7 +25,7 @@ LAYOUT = StateLayout(("gripper",), 10)
 _TARGET, _TIMEOUT, _DIVERGED = map(
     tuple(ActionOutcome).index, (ActionOutcome.TARGET, ActionOutcome.TIMEOUT, ActionOutcome.DIVERGED)
 )
-_NEVER = -1
+_NEVER, _CHECK_EVERY = -1, 5
 ARENA = 2.0
 WALLS = tuple(
     Box((0.1, ARENA + 0.1, 0.3) if side[0] else (ARENA + 0.1, 0.1, 0.3), (side[0], side[1], 0.15))
@@ -54,8 +54,8 @@ class Gripper:
     settle: float = 0.2
 
     def profile(
-        self, length: Float[np.ndarray, "batch 1"], time: Float[np.ndarray, "batch 1"]
-    ) -> tuple[Float[np.ndarray, "batch 1"], Float[np.ndarray, "batch 1"]]:
+        self, length: Float[np.ndarray, "batch 1"], time: Float[np.ndarray, " time"]
+    ) -> tuple[Float[np.ndarray, "batch time"], Float[np.ndarray, "batch time"]]:
         """How far [m] and how fast [m/s] the set-point is, `time` [s] after leaving for a target `length` away.
 
         With v = min(speed, sqrt(2 a l)) and T = (l - v^2 / 2a) / v + v / a:
@@ -119,14 +119,17 @@ class DraggingWorld(PhysicalWorld):
     ) -> None:
         sizes = None if obstacles is None else box_sizes(obstacles[0])
         model = build_model(sizes, rope, gripper)
-        super().__init__(Simulation(model, len(states), threads), LAYOUT, model.opt.timestep)
+        simulation = Simulation(model, len(states), threads)
+        super().__init__(simulation, LAYOUT, model.opt.timestep)
         self.rope, self.gripper = rope, gripper
         if obstacles is not None:
-            place_boxes(self.simulation.batch, obstacles)
+            place_boxes(simulation.batch, obstacles)
         self._hinges = np.array([model.joint(f"hinge{i}").qposadr[0] for i in reversed(range(rope.links))])
-        self._settle_steps = round(gripper.settle / model.opt.timestep)
-        self._from, self._to = np.zeros((2, len(states), 2))
-        self._end = np.zeros(len(states), int)
+        self._settle_steps, self._last = (round(s / model.opt.timestep) for s in (gripper.settle, gripper.timeout))
+        self._times = np.arange(self._last + self._settle_steps + 1) * model.opt.timestep
+        self._ticks, self._rows, self._end = 0, np.arange(len(states)), np.zeros(len(states), int)
+        self._to, self._at, self._speed = np.zeros((len(states), 2)), simulation.qpos[:, :2], simulation.qvel[:, :2]
+        self._setpoint, self._velocity = np.zeros((2, len(states), len(self._times), 2))
         flat = states.copy()
         flat[:, 2::3] = rope.height
         self._settle(flat)
@@ -136,8 +139,8 @@ class DraggingWorld(PhysicalWorld):
         qpos = np.zeros((len(ids), self.simulation.model.nq))
         qpos[:, :2], qpos[:, self._hinges] = states[:, :2], self.rope.joint_angles(headings)
         self.simulation.qpos[ids] = qpos
-        self._from[ids] = self._to[ids] = states[:, :2]
-        self._end[ids], self._outcome[ids] = self._settle_steps, _TARGET
+        self._outcome[ids] = _TARGET
+        self._hold(ids, states[:, :2])
 
     def _observe(self, ids: Int[np.ndarray, " some"]) -> Float[np.ndarray, "some state"]:
         """Gripper and link centres [m], by forward kinematics from the joint positions."""
@@ -150,38 +153,46 @@ class DraggingWorld(PhysicalWorld):
         return state
 
     def _begin(self, ids: Int[np.ndarray, " some"], actions: Float[np.ndarray, "some action"]) -> None:
-        self._from[ids], self._to[ids] = self.simulation.qpos[ids, :2], actions[:, :2]
-        self._end[ids] = _NEVER
+        """Look up the set-points of the whole motion now, so that a step finds them by its clock."""
+        start = self._at[ids, None]
+        way = actions[:, None, :2] - start
+        length = np.sqrt((way * way).sum(2)) + 1e-12
+        travelled, speed = self.gripper.profile(length, self._times)
+        direction = way / length[..., None]
+        self._setpoint[ids] = start + travelled[..., None] * direction
+        self._velocity[ids] = speed[..., None] * direction
+        self._to[ids], self._end[ids] = actions[:, :2], _NEVER
+
+    def _hold(self, ids: Int[np.ndarray, " some"], positions: Float[np.ndarray, "some 2"]) -> None:
+        """Stay there until the rope has settled."""
+        self._setpoint[ids], self._velocity[ids] = positions[:, None], 0.0
+        self._end[ids] = self._clock[ids] + self._settle_steps
 
     def _tick(self, ids: Int[np.ndarray, " active"]) -> Bool[np.ndarray, " active"]:
-        """One step of each copy; those that end their motion hold where they are, or should be, until `_end`."""
-        simulation, gripper = self.simulation, self.gripper
-        self._drive(ids)
-        simulation.step(ids)
-        moving = ids[self._end[ids] == _NEVER]
-        gap = self._to[moving] - simulation.qpos[moving, :2]
-        arrived = (gap * gap).sum(1) < gripper.tolerance**2
-        arrived &= np.abs(simulation.qvel[moving, :2]).max(1, initial=0.0) < gripper.tolerance
-        late = ~arrived & (self._clock[moving] == round(gripper.timeout / simulation.dt))
-        bad = self._clock[moving] % 5 == 0
-        bad[bad] = simulation.diverged(moving[bad])
-        for ended, outcome in ((late, _TIMEOUT), (arrived, _TARGET), (bad, _DIVERGED)):
-            self._outcome[moving[ended]] = outcome
-        self._to[moving[late]] = simulation.qpos[moving[late], :2]
-        ended = moving[arrived | late | bad]
-        self._from[ended] = self._to[ended]
-        self._end[ended] = self._clock[ended] + self._settle_steps
-        return np.asarray(self._clock[ids] == self._end[ids])
+        """One step of each copy; those that end their motion hold where they are, or should be.
 
-    def _drive(self, ids: Int[np.ndarray, " active"]) -> None:
-        """Set the gripper forces for the set-points, each of which left `_from` as its clock began."""
-        gripper, start, way = self.gripper, self._from[ids], self._to[ids] - self._from[ids]
-        length = np.sqrt((way * way).sum(1, keepdims=True)) + 1e-12
-        travelled, speed = gripper.profile(length, self._clock[ids, None] * self.simulation.dt)
-        direction = way / length
-        setpoint, velocity = start + travelled * direction, speed * direction
-        force = gripper.kp * (setpoint - self.simulation.qpos[ids, :2]) + gripper.kv * (
-            velocity - self.simulation.qvel[ids, :2]
-        )
+        Numbers of all copies are looked at, because that is faster than choosing some; nothing comes of those at rest.
+        """
+        simulation, clock, tolerance = self.simulation, self._clock, self.gripper.tolerance
+        self._drive()
+        simulation.step(ids)
+        moving, gap = self._end == _NEVER, self._to - self._at
+        arrived = moving & ((gap * gap).sum(1) < tolerance**2) & (np.abs(self._speed).max(1) < tolerance)
+        late = moving & ~arrived & (clock == self._last)
+        bad = np.zeros_like(moving)
+        self._ticks += 1
+        if self._ticks % _CHECK_EVERY == 0:
+            bad[ids] = moving[ids] & simulation.diverged(ids)
+        ended = np.flatnonzero(arrived | late | bad)
+        if len(ended):
+            self._outcome[late], self._outcome[arrived], self._outcome[bad] = _TIMEOUT, _TARGET, _DIVERGED
+            self._to[late] = self._at[late]
+            self._hold(ended, self._to[ended])
+        return np.asarray(clock[ids] == self._end[ids])
+
+    def _drive(self) -> None:
+        """Set the gripper forces for the set-points."""
+        gripper, now = self.gripper, (self._rows, self._clock)
+        force = gripper.kp * (self._setpoint[now] - self._at) + gripper.kv * (self._velocity[now] - self._speed)
         size = np.sqrt((force * force).sum(1, keepdims=True))
-        self.simulation.ctrl[ids] = force * np.minimum(1.0, gripper.force / (size + 1e-12))
+        self.simulation.ctrl[:] = force * np.minimum(1.0, gripper.force / (size + 1e-12))

@@ -119,6 +119,7 @@ class DualArmWorld(PhysicalWorld):
         self._holders[ids] = self._from[ids] = self._to[ids] = grippers
         if self.arms is not None:
             self._path[ids] = self.arms.grasp(grippers)[0][:, None]
+        self._where[ids] = 0.0
         self._move(ids, np.zeros(len(ids)), np.zeros(len(ids)), np.full(len(ids), _TARGET))
 
     def _observe(self, ids: Int[np.ndarray, " some"]) -> Float[np.ndarray, "some state"]:

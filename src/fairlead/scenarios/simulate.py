@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import fields
 from typing import final
 
@@ -30,6 +31,10 @@ class SimulatedWorld(World):
     @abstractmethod
     def send(self, ids: Int[np.ndarray, " some"], actions: Float[np.ndarray, "some action"]) -> None:
         """Give each of these copies, all of them at rest, its next action."""
+
+    @abstractmethod
+    def restart(self, ids: Int[np.ndarray, " some"], states: Float[np.ndarray, "some state"]) -> None:
+        """Put these copies, all of them at rest, into these states, as a new world would; `receive` tells of it too."""
 
     @abstractmethod
     def receive(self) -> tuple[Int[np.ndarray, " some"], Executed]:
@@ -165,22 +170,25 @@ class PhysicalWorld(SimulatedWorld):
     @final
     def _settle(self, states: Float[np.ndarray, "batch state"]) -> None:
         """Lay every rope and let it settle. Where that diverges it stays as laid, and every action ends as diverged."""
-        everyone = np.arange(len(states), dtype=np.int32)
-        self._lay(everyone, states)
-        self._activate(everyone)
+        self.restart(np.arange(len(states)), states)
         settled = self.receive_all(len(states))
         self._unsound = settled.diverged
         gap = self._layout.points_of(settled.states) - self._layout.points_of(states)
         self._residual = np.where(self._unsound, np.inf, np.sqrt((gap * gap).sum(-1).mean(-1)))
 
     @final
-    def send(self, ids: Int[np.ndarray, " some"], actions: Float[np.ndarray, "some action"]) -> None:
-        self._begin(ids, actions)
-        self._activate(ids)
+    def restart(self, ids: Int[np.ndarray, " some"], states: Float[np.ndarray, "some state"]) -> None:
+        self.simulation.warmstart[ids], self._unsound[ids] = 0.0, False
+        self._start(self._lay, ids, states)
 
-    def _activate(self, ids: Int[np.ndarray, " some"]) -> None:
-        self._safe_qpos[ids], self._safe_mocap[ids] = self.simulation.qpos[ids], self.simulation.mocap[ids]
+    @final
+    def send(self, ids: Int[np.ndarray, " some"], actions: Float[np.ndarray, "some action"]) -> None:
+        self._start(self._begin, ids, actions)
+
+    def _start(self, begin: Callable[[np.ndarray, np.ndarray], None], ids: np.ndarray, given: np.ndarray) -> None:
         self._clock[ids] = 0
+        begin(ids, given)
+        self._safe_qpos[ids], self._safe_mocap[ids] = self.simulation.qpos[ids], self.simulation.mocap[ids]
         self._active = np.union1d(self._active, ids).astype(np.int32)
 
     @final
