@@ -95,8 +95,8 @@ def _hashes(folder: Path) -> tuple[str, str | None]:
 
 
 DYNAMICS: dict[str, Callable[[Models], Dynamics]] = {
-    "learned": lambda models: load_dynamics(models.folder_of("dynamics"), models.scenario.name),
-    "full": lambda models: load_full_dynamics(models.folder_of("full-dynamics"), models.scenario.name),
+    "learned": lambda models: load_dynamics(models.folder_of("dynamics"), models.scenario.kin),
+    "full": lambda models: load_full_dynamics(models.folder_of("full-dynamics"), models.scenario.kin),
 }
 """Besides "simulator", which is built anew for each scene."""
 
@@ -125,12 +125,12 @@ RECOVERIES: dict[str, Callable[[Models], RecoveryPolicy]] = {
 
 
 def _trust(models: Models, name: str) -> TransitionCheck:
-    return within_reach(load_check(models.folder_of(name), models.scenario.name), models.scenario)
+    return within_reach(load_check(models.folder_of(name), models.scenario.kin), models.scenario)
 
 
 def _recovery(models: Models, name: str) -> RecoveryPolicy:
     scenario = models.scenario
-    return recovery_within_reach(load_recovery(models.folder_of(name), scenario.name, scenario.sampler), scenario)
+    return recovery_within_reach(load_recovery(models.folder_of(name), scenario.kin, scenario.sampler), scenario)
 
 
 def find_method(name: str) -> Method:

@@ -74,6 +74,12 @@ class Obstacle:
         return Obstacle(self.name, tuple(box.moved(position, yaw) for box in self.boxes))
 
 
+def octagon(radius: float, height: float) -> tuple[Box, ...]:
+    """An upright octagonal column about the origin, as four boxes: its sides lie `radius` [m] from its axis."""
+    size = (2 * radius, 2 * radius * float(np.tan(np.pi / 8)), height)
+    return tuple(Box(size, (0.0, 0.0, 0.0)).moved((0.0, 0.0, 0.0), float(yaw)) for yaw in np.arange(4) * np.pi / 4)
+
+
 def box_distance(boxes: Sequence[Box], points: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
     """Signed distance [m] to the union of boxes: exact outside, the nearest face of one box inside.
 

@@ -26,6 +26,7 @@ from fairlead.core.errors import ArtifactError
 from fairlead.core.layout import StateLayout
 from fairlead.learning.fit import CHECKPOINT
 
+Names = str | tuple[str, ...]
 _KINDS = {
     "dynamics": "Predicts what an action does to the rope where nothing constrains it (an ensemble).",
     "full-dynamics": "Predicts what an action does to the rope among obstacles: the baseline that needs no check.",
@@ -111,8 +112,8 @@ def save_model(
     (folder / CHECKPOINT).unlink(missing_ok=True)
 
 
-def read_model(folder: Path, kind: str, scenario: str) -> ModelFile:
-    """Read a model.
+def read_model(folder: Path, kind: str, scenario: Names) -> ModelFile:
+    """Read a model of a scenario, or of one of several.
 
     Raises:
         ArtifactError: no finished model there, another kind, another scenario, or a damaged file.
@@ -121,8 +122,10 @@ def read_model(folder: Path, kind: str, scenario: str) -> ModelFile:
     about = read_json(folder / "config.json")
     if about["kind"] != kind:
         raise ArtifactError(folder, f"a '{about['kind']}' model; a '{kind}' model is needed here")
-    if about["scenario"] != scenario:
-        raise ArtifactError(folder, f"a model of scenario '{about['scenario']}'; one of '{scenario}' is needed here")
+    names = (scenario,) if isinstance(scenario, str) else scenario
+    if about["scenario"] not in names:
+        needed = " or ".join(f"'{name}'" for name in names)
+        raise ArtifactError(folder, f"a model of scenario '{about['scenario']}'; one of {needed} is needed here")
     try:
         tensors = load_file(folder / "model.safetensors")
     except SafetensorError as error:

@@ -10,7 +10,7 @@ from fairlead.core.errors import FairleadError
 from fairlead.core.roles import ActionSampler, Dynamics
 from fairlead.learning.dynamics import dynamics_from
 from fairlead.learning.full_dynamics import full_dynamics_from
-from fairlead.learning.model_files import read_model
+from fairlead.learning.model_files import Names, read_model
 from fairlead.learning.recovery import LearnedRecovery, recovery_from
 from fairlead.learning.trust import LearnedCheck, check_from
 
@@ -22,26 +22,26 @@ def use_threads(count: int) -> None:
     torch.set_num_threads(count)
 
 
-def load_dynamics(folder: Path, scenario: str) -> Dynamics:
+def load_dynamics(folder: Path, scenario: Names) -> Dynamics:
     """The unconstrained dynamics in `folder`, trained for `scenario`."""
     return dynamics_from(read_model(folder, "dynamics", scenario))
 
 
-def load_full_dynamics(folder: Path, scenario: str) -> Dynamics:
+def load_full_dynamics(folder: Path, scenario: Names) -> Dynamics:
     """The full dynamics baseline in `folder`, trained for `scenario`."""
     return full_dynamics_from(read_model(folder, "full-dynamics", scenario))
 
 
-def load_delta(folder: Path, scenario: str) -> float:
+def load_delta(folder: Path, scenario: Names) -> float:
     """The distance [m] within which a prediction of the unconstrained dynamics in `folder` counts as reliable."""
     return float(read_model(folder, "dynamics", scenario).metrics["delta_m"])
 
 
-def load_check(folder: Path, scenario: str) -> LearnedCheck:
+def load_check(folder: Path, scenario: Names) -> LearnedCheck:
     """The trust classifier in `folder`, trained for `scenario`."""
     return check_from(read_model(folder, "trust", scenario))
 
 
-def load_recovery(folder: Path, scenario: str, sampler: ActionSampler) -> LearnedRecovery:
+def load_recovery(folder: Path, scenario: Names, sampler: ActionSampler) -> LearnedRecovery:
     """The recovery policy in `folder`, trained for `scenario`; it chooses among actions that `sampler` proposes."""
     return recovery_from(read_model(folder, "recovery", scenario), sampler)

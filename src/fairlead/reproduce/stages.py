@@ -95,8 +95,8 @@ def trust(scenario: Scenario, data: Path, dynamics: Path, config: TrustConfig, o
     """Train a trust classifier on phase 2 data, labelled at the delta of the dynamics or of the configuration."""
 
     def train(job: Job) -> None:
-        model = load_dynamics(dynamics, scenario.name)
-        delta = load_delta(dynamics, scenario.name) if config.delta_m is None else config.delta_m
+        model = load_dynamics(dynamics, scenario.kin)
+        delta = load_delta(dynamics, scenario.kin) if config.delta_m is None else config.delta_m
         train_trust(model, splits(data, scenario.name, 2), delta, config, job)
 
     _model(scenario, out, config, {"data": data, "dynamics": dynamics}, seed, train)
@@ -108,7 +108,7 @@ def recovery(
     """Train recovery on the states of phase 2 data in which the classifier accepts nothing."""
 
     def train(job: Job) -> None:
-        model, check = load_dynamics(dynamics, scenario.name), load_check(trust, scenario.name)
+        model, check = load_dynamics(dynamics, scenario.kin), load_check(trust, scenario.kin)
         trusted = within_reach(check, scenario)
         train_recovery(model, check, trusted, scenario.sampler, splits(data, scenario.name, 2), config, job)
 
@@ -122,8 +122,8 @@ def evidence(scenario: Scenario, data: Path, dynamics: Path, trust: Path, out: P
         return
     grid = trust_config_from(read_json(trust / "config.json")["config"]).grid
     write_evidence(
-        load_dynamics(dynamics, scenario.name),
-        load_check(trust, scenario.name),
+        load_dynamics(dynamics, scenario.kin),
+        load_check(trust, scenario.kin),
         load(data, "test"),
         read_json(trust / "metrics.json")["delta_m"],
         grid,

@@ -133,11 +133,7 @@ class Dragging(Scenario):
         for _ in range(20):
             displacement = self.sampler.redraw(displacement, np.array([True]), rng)
             world.execute(self.sampler.targets(world.observe(), displacement))
-        start = world.observe()[0].round(5)
-        return Scene(
-            name, obstacles, {"gripper": tuple(start[:3].tolist())},
-            tuple(map(tuple, LAYOUT.points_of(start).tolist())), self.random_goal(obstacles, rng),
-        )  # fmt: skip
+        return Scene.starting(LAYOUT, name, obstacles, world.observe()[0], self.random_goal(obstacles, rng))
 
     def validate(self, scene: Scene) -> None:
         """A goal inside an obstacle, or a start outside the arena, is an error that names the field."""

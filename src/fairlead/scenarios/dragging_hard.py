@@ -23,7 +23,7 @@ Draft = tuple[tuple[Obstacle, ...], np.ndarray, np.ndarray]
 _MARGIN = 0.03
 
 
-def _on_floor(shape: Obstacle, name: str, position: tuple[float, float], yaw: float) -> Obstacle:
+def on_floor(shape: Obstacle, name: str, position: tuple[float, float], yaw: float) -> Obstacle:
     """A named copy of a shape standing on the floor."""
     return Obstacle(name, shape.moved((*position, shape.boxes[0].size[2] / 2), yaw).boxes)
 
@@ -42,7 +42,7 @@ def _others(fixed: dict[str, Obstacle]) -> tuple[str, ...]:
     return tuple(obstacle.name for obstacle in OBSTACLES if obstacle.name not in fixed)
 
 
-def _lay_along(scenario: Dragging, path: Float[np.ndarray, "corner 2"]) -> Float[np.ndarray, " state"]:
+def lay_along(scenario: Dragging, path: Float[np.ndarray, "corner 2"]) -> Float[np.ndarray, " state"]:
     """A rope along a polyline of gripper-to-tail positions [m], the gripper at its beginning."""
     steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
     length = np.r_[0, np.cumsum(steps)]
@@ -55,7 +55,8 @@ def _lay_along(scenario: Dragging, path: Float[np.ndarray, "corner 2"]) -> Float
     return state
 
 
-def _turn(points: Float[np.ndarray, "*batch 2"], yaw: float) -> Float[np.ndarray, "*batch 2"]:
+def turn(points: Float[np.ndarray, "*batch 2"], yaw: float) -> Float[np.ndarray, "*batch 2"]:
+    """Points [m] turned about the origin by an angle [rad]."""
     return points @ np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
 
 
@@ -69,16 +70,16 @@ def gap(scenario: Dragging, rng: np.random.Generator) -> Draft:
     x, cubes = -0.95 + slack / 2, iter(range(1, 6))
     for i, size in enumerate(order):
         x += width if i == place else slack if i else 0.0
-        centre = tuple(_turn(np.array([x + size / 2, line]), yaw))
+        centre = tuple(turn(np.array([x + size / 2, line]), yaw))
         name = f"box{next(cubes)}" if size == 0.25 else "corner1"
-        fixed[name] = _on_floor(CUBE if size == 0.25 else CORNER, name, centre, float(yaw))
+        fixed[name] = on_floor(CUBE if size == 0.25 else CORNER, name, centre, float(yaw))
         x += size
     side = rng.choice([-1.0, 1.0])
     start_y = line + side * rng.uniform(0.35, 0.5)
     x0 = rng.uniform(-0.7, 0.1)
     ends = np.array([[x0, start_y], [x0 + 0.5, start_y]])
-    state = _lay_along(scenario, _turn(ends[:: rng.choice([-1, 1])], yaw))
-    goal = _turn(np.array([rng.uniform(-0.6, 0.6), line - side * rng.uniform(0.35, 0.55)]), yaw)
+    state = lay_along(scenario, turn(ends[:: rng.choice([-1, 1])], yaw))
+    goal = turn(np.array([rng.uniform(-0.6, 0.6), line - side * rng.uniform(0.35, 0.55)]), yaw)
     clear = np.concatenate([state.reshape(-1, 3), [[*goal, 0.02]]])
     return _rest(_others(fixed), fixed, clear, rng), state, goal
 
@@ -91,8 +92,8 @@ def wrapped(scenario: Dragging, rng: np.random.Generator) -> Draft:
     ring = np.array([[d - first, -d], [d, -d], [d, d], [-d, d], [-d, -d]])
     if rng.random() < 0.5:
         ring[:, 1] *= -1
-    fixed = {"box1": _on_floor(CUBE, "box1", tuple(centre), float(yaw))}
-    state = _lay_along(scenario, centre + _turn(ring, yaw))
+    fixed = {"box1": on_floor(CUBE, "box1", tuple(centre), float(yaw))}
+    state = lay_along(scenario, centre + turn(ring, yaw))
     goal = rng.uniform(-0.7, 0.7, 2)
     clear = np.concatenate([state.reshape(-1, 3), [[*goal, 0.02]]])
     return _rest(_others(fixed), fixed, clear, rng), state, goal
@@ -103,8 +104,8 @@ def wedged(scenario: Dragging, rng: np.random.Generator) -> Draft:
     centre, yaw = rng.uniform(-0.5, 0.5, 2), rng.uniform(-np.pi, np.pi)
     inner = np.array([0.17 - 0.024, 0.04 + 0.024])
     path = inner + np.array([[-0.20, 0.06], [-0.22, 0.0], [0.0, 0.0], [0.0, 0.1], [-0.05, 0.2]])
-    fixed = {"corner1": _on_floor(CORNER, "corner1", tuple(centre), float(yaw))}
-    state = _lay_along(scenario, centre + _turn(path[:: rng.choice([-1, 1])], yaw))
+    fixed = {"corner1": on_floor(CORNER, "corner1", tuple(centre), float(yaw))}
+    state = lay_along(scenario, centre + turn(path[:: rng.choice([-1, 1])], yaw))
     goal = rng.uniform(-0.7, 0.7, 2)
     clear = np.concatenate([state.reshape(-1, 3), [[*goal, 0.02]]])
     return _rest(_others(fixed), fixed, clear, rng), state, goal
@@ -113,8 +114,8 @@ def wedged(scenario: Dragging, rng: np.random.Generator) -> Draft:
 def _corner_goal(scenario: Dragging, rng: np.random.Generator, place: Float[np.ndarray, " 2"]) -> Draft:
     """A goal at `place` in the frame of an L-shaped corner, a random start elsewhere."""
     centre, yaw = rng.uniform(-0.55, 0.55, 2), rng.uniform(-np.pi, np.pi)
-    goal = centre + _turn(place, yaw)
-    fixed = {"corner1": _on_floor(CORNER, "corner1", tuple(centre), float(yaw))}
+    goal = centre + turn(place, yaw)
+    fixed = {"corner1": on_floor(CORNER, "corner1", tuple(centre), float(yaw))}
     state = scenario.random_start(rng)
     for _ in range(200):
         if box_distance(fixed["corner1"].boxes, state.reshape(-1, 3)).min() > 0.05:
@@ -163,7 +164,5 @@ def hard_scene(scenario: Dragging, kind: str, rng: np.random.Generator, name: st
         settled = scenario.simulate([obstacles], state[None]).observe()[0].round(5)
         if environment.signed_distance(settled.reshape(-1, 3)).min() < 0.017:
             continue
-        points = tuple(map(tuple, LAYOUT.points_of(settled).tolist()))
-        target = point_goal(LAYOUT, "tail", position.round(5), 0.05)
-        return Scene(name, obstacles, {"gripper": tuple(settled[:3].tolist())}, points, target)
+        return Scene.starting(LAYOUT, name, obstacles, settled, point_goal(LAYOUT, "tail", position.round(5), 0.05))
     raise SamplingError(f"hard scene of kind '{kind}'", 400, "loosen its limits")

@@ -127,8 +127,22 @@ class DualArm(Scenario):
 
         The new state owes nothing to the old one. Grippers stop on the way where they are stopped.
         """
-        states = np.stack([self._hanging(GRASP, START_APART, rng) for rng in rngs])
+        states = np.stack([self.grasped(rng) for rng in rngs])
         obstacles = [self.random_obstacles(state, rng) for state, rng in zip(states, rngs, strict=True)]
+        return obstacles, self.carried(obstacles, states, rngs, threads)
+
+    def grasped(self, rng: np.random.Generator) -> Float[np.ndarray, " state"]:
+        """A rope that hangs freely, grasped above any obstacle."""
+        return self._hanging(GRASP, START_APART, rng)
+
+    def carried(
+        self,
+        obstacles: Sequence[Sequence[Obstacle]],
+        states: Float[np.ndarray, "batch state"],
+        rngs: Sequence[np.random.Generator],
+        threads: int = 1,
+    ) -> Float[np.ndarray, "batch state"]:
+        """The states after the grippers were carried to random poses, or as far as they got, and the rope settled."""
         poses = np.stack([_held(POSE, START_APART, rng) for rng in rngs])
         world, left = self.simulate(obstacles, states, threads), np.arange(len(rngs))
         for _ in range(LEGS):
@@ -140,7 +154,7 @@ class DualArm(Scenario):
             left = left[(done.outcomes == _REACHED) & (longest > LEG)]
             if not len(left):
                 break
-        return obstacles, world.observe()
+        return world.observe()
 
     def random_goal(self, obstacles: Sequence[Obstacle], rng: np.random.Generator) -> PointsGoal:
         """The midpoint's goal, at least 0.05 m from obstacles (the table is none); not checked for reachability."""
@@ -160,12 +174,7 @@ class DualArm(Scenario):
         self, name: str, obstacles: tuple[Obstacle, ...], state: Float[np.ndarray, " state"], rng: np.random.Generator
     ) -> Scene:
         """A scene that starts in `state`, with a random goal."""
-        state = state.round(5)
-        grippers = {
-            side: tuple(at.tolist()) for side, at in zip(LAYOUT.grippers, LAYOUT.grippers_of(state), strict=True)
-        }
-        rope = tuple(map(tuple, LAYOUT.points_of(state).tolist()))
-        return Scene(name, obstacles, grippers, rope, self.random_goal(obstacles, rng))
+        return Scene.starting(LAYOUT, name, obstacles, state, self.random_goal(obstacles, rng))
 
     def validate(self, scene: Scene) -> None:
         """A goal or rope inside an obstacle, a rope too short or grippers out of reach is an error that names it."""

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, final
@@ -47,6 +47,7 @@ class SceneRenderer:
         goal: the balls and boxes of a goal.
         width, height: of a frame [pixels].
         arms: that hold the grippers, or None.
+        colours: of obstacles, by name; the others are grey.
     """
 
     def __init__(
@@ -59,6 +60,7 @@ class SceneRenderer:
         width: int = 800,
         height: int = 800,
         arms: Arms | None = None,
+        colours: Mapping[str, Colour] | None = None,
     ) -> None:
         backdrop.vis.global_.offwidth = max(backdrop.vis.global_.offwidth, width)
         backdrop.vis.global_.offheight = max(backdrop.vis.global_.offheight, height)
@@ -71,7 +73,7 @@ class SceneRenderer:
         self._data = mujoco.MjData(backdrop)
         mujoco.mj_forward(backdrop, self._data)
         self._layout, self._radius, self._obstacles, self._goal = layout, rope_radius, obstacles, goal
-        self._arms = arms
+        self._arms, self._colours = arms, colours or {}
 
     def __enter__(self) -> SceneRenderer:
         return self
@@ -85,9 +87,10 @@ class SceneRenderer:
         """One picture of a state; `ghost` is a second one (a prediction), drawn translucent."""
         self._renderer.update_scene(self._data, camera="view")
         for obstacle in self._obstacles:
+            colour = self._colours.get(obstacle.name, OBSTACLE)
             for i, box in enumerate(obstacle.boxes):
                 half = np.array(box.size) / 2 - 0.001 * i
-                self._add(mujoco.mjtGeom.mjGEOM_BOX, half, box.position, OBSTACLE, box.rotation)
+                self._add(mujoco.mjtGeom.mjGEOM_BOX, half, box.position, colour, box.rotation)
         for mark in self._goal:
             self._mark(mark)
         if ghost is not None:

@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
+from typing import final
 
 import mujoco
 import numpy as np
@@ -20,7 +22,7 @@ from fairlead.core.roles import Environment
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box, Obstacle, box_distance
 from fairlead.scenarios.arms import Arms
-from fairlead.scenarios.render import SceneRenderer
+from fairlead.scenarios.render import Colour, SceneRenderer
 from fairlead.scenarios.rope import RopeFactors
 from fairlead.scenarios.scene_files import Scene, SceneSet, read_scenes
 from fairlead.scenarios.simulate import SimulatedWorld
@@ -39,6 +41,17 @@ class Scenario(ABC):
     """Trajectories, and actions in each, that the paper recorded: in phase 1, in phase 2."""
     arms: Arms | None = None
     """What carries the grippers, where something does: pictures show it, checks and recovery ask what it can do."""
+
+    base: str | None = None
+    """The scenario whose presets a task takes, and whose models it may use; None: only its own."""
+    colours: Mapping[str, Colour] = MappingProxyType({})
+    """Of obstacles in pictures, by name; the others are grey."""
+
+    @property
+    @final
+    def kin(self) -> tuple[str, ...]:
+        """Names of the scenarios whose models this one may use."""
+        return (self.name,) if self.base is None else (self.name, self.base)
 
     @abstractmethod
     def environment(self, obstacles: Sequence[Obstacle]) -> Environment:
@@ -103,7 +116,15 @@ class Scenario(ABC):
         """Draws states of a scene."""
         goal = marks(scene.goal.written())
         return SceneRenderer(
-            self.backdrop(), self.layout, self.rope_radius, scene.obstacles, goal, width, height, self.arms
+            self.backdrop(),
+            self.layout,
+            self.rope_radius,
+            scene.obstacles,
+            goal,
+            width,
+            height,
+            self.arms,
+            self.colours,
         )
 
 

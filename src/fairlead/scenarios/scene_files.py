@@ -31,6 +31,15 @@ class Scene:
     rope: tuple[Vector, ...]
     goal: SceneGoal
 
+    @classmethod
+    def starting(
+        cls, layout: StateLayout, name: str, obstacles: Sequence[Obstacle], state: np.ndarray, goal: SceneGoal
+    ) -> Scene:
+        """A scene that starts in a state (state,) [m], rounded to hundredths of a millimetre."""
+        at, points = (of(state.round(5)).tolist() for of in (layout.grippers_of, layout.points_of))
+        grippers = {gripper: tuple(place) for gripper, place in zip(layout.grippers, at, strict=True)}
+        return cls(name, tuple(obstacles), grippers, tuple(map(tuple, points)), goal)
+
     def state(self, layout: StateLayout) -> np.ndarray:
         """The given start as a state vector (state,) [m]."""
         grippers = np.array([self.grippers[name] for name in layout.grippers])
