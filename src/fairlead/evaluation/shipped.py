@@ -8,16 +8,20 @@ from pathlib import Path
 from fairlead.core import plugins
 from fairlead.core.errors import ArtifactError
 from fairlead.scenarios.registry import SCENARIOS
+from fairlead.scenarios.registry import scenario as find_scenario
+
+_PACKAGE = Path(str(resources.files("fairlead")))
 
 
 def shipped_models(scenario: str) -> Path:
-    """The folder of the trained models that come with the package.
+    """The folder of the trained models that come with the package; for a task without, those of its base.
 
     Raises:
         UnknownNameError: no scenario has that name.
         ArtifactError: none come for it.
     """
-    return _found(scenario, f"pretrained/{scenario}", "--models DIR (fairlead reproduce trains them)")
+    found = [name for name in find_scenario(scenario).kin if (_PACKAGE / "pretrained" / name).exists()]
+    return _found(scenario, f"pretrained/{[*found, scenario][0]}", "--models DIR (fairlead reproduce trains them)")
 
 
 def benchmark_scenes(scenario: str) -> Path:
@@ -27,7 +31,7 @@ def benchmark_scenes(scenario: str) -> Path:
 
 def _found(scenario: str, name: str, instead: str) -> Path:
     plugins.find("scenario", scenario, SCENARIOS)
-    path = Path(str(resources.files("fairlead"))) / name
+    path = _PACKAGE / name
     if not path.exists():
         raise ArtifactError(path, f"none come with Fairlead for {scenario}; give {instead}")
     return path

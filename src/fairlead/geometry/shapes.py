@@ -40,7 +40,7 @@ class Box:
             key, _, problem = str(error).partition(": ")
             raise reader.fail(key, problem) from None
 
-    def moved(self, position: Sequence[float], yaw: float) -> Box:
+    def moved(self, position: Sequence[float] | Float[np.ndarray, " 3"], yaw: float) -> Box:
         """The box turned by `yaw` [rad] about the vertical through the origin, then shifted by `position` [m]."""
         turn = Rotation.from_euler("z", yaw)
         centre = turn.apply(self.position) + np.asarray(position)
@@ -69,7 +69,7 @@ class Obstacle:
         if not self.boxes:
             raise ValueError(f"obstacle '{self.name}' has no boxes")
 
-    def moved(self, position: Sequence[float], yaw: float) -> Obstacle:
+    def moved(self, position: Sequence[float] | Float[np.ndarray, " 3"], yaw: float) -> Obstacle:
         """The obstacle turned by `yaw` about the vertical through the origin, then shifted."""
         return Obstacle(self.name, tuple(box.moved(position, yaw) for box in self.boxes))
 

@@ -40,7 +40,8 @@ def _desk(rng: np.random.Generator) -> tuple[Obstacle, ...]:
     shift, yaw = np.append(rng.uniform(-0.12, 0.12, 2), 0.0), float(rng.uniform(-np.pi, np.pi))
     printer = BLOCKER.moved(shift, yaw)
     aside = np.append(turn(np.array([rng.uniform(-0.2, 0.2), -rng.uniform(0.38, 0.5)]), yaw), 0.0)
-    phone = [part.moved(shift + aside, yaw + float(rng.uniform(-0.8, 0.8))) for part in PHONE]
+    turned = yaw + float(rng.uniform(-0.8, 0.8))
+    phone = [part.moved(shift + aside, turned) for part in PHONE]
     keep = np.array([[x, y, 0.02] for x in np.linspace(-0.3, 0.3, 13) for y in np.linspace(-0.45, 0.18, 13)])
     keep[:, :2] = shift[:2] + turn(keep[:, :2], yaw)
     placed = place_apart(CLUTTER, -0.85, 0.85, keep, 0.03, rng, [*WALLS, *printer.boxes, *phone[0].boxes])

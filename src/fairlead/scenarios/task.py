@@ -21,6 +21,7 @@ from fairlead.core.errors import FairleadError, SamplingError
 from fairlead.core.roles import Environment
 from fairlead.geometry.goals import SceneGoal
 from fairlead.geometry.shapes import Obstacle
+from fairlead.scenarios.arms import Arms
 from fairlead.scenarios.render import Colour
 from fairlead.scenarios.rope import RopeFactors
 from fairlead.scenarios.scenario import Scenario
@@ -82,8 +83,8 @@ class Task(Scenario):
     def simulate_unconstrained(self, states: Float[np.ndarray, "batch state"], threads: int = 1) -> SimulatedWorld:
         return self._world.simulate_unconstrained(states, threads)
 
-    def altered(self, factors: RopeFactors) -> Task:
-        return Task(self._spec, self._world.altered(factors))
+    def altered(self, factors: RopeFactors, arms: Arms | None = None) -> Task:
+        return Task(self._spec, self._world.altered(factors, arms))
 
     def backdrop(self) -> mujoco.MjModel:
         model = self._world.backdrop()

@@ -29,7 +29,7 @@ RADIUS = 0.05
 
 def _box(x: float, y: float, low: float, size: tuple[float, float, float]) -> Box:
     """An upright box whose lowest face lies `low` above the floor [m]."""
-    return Box(size, (x, y, FLOOR + low + size[2] / 2))
+    return Box(size, (float(x), float(y), FLOOR + low + size[2] / 2))
 
 
 def _drum(x: float, y: float, low: float, radius: float, length: float) -> tuple[Box, ...]:
@@ -149,9 +149,13 @@ def _caught(obstacles: Sequence[Obstacle], state: Float[np.ndarray, " state"]) -
 def _looped_start(
     world: DualArm, obstacles: Sequence[Sequence[Obstacle]], rngs: Sequence[np.random.Generator], threads: int
 ) -> Float[np.ndarray, "batch state"]:
+    """Looped, so that a pull upwards does not free the strap."""
     states = looped(world, obstacles, rngs, threads)
-    if not all(_caught(row, state) for row, state in zip(obstacles, states, strict=True)):
-        raise FairleadError("the strap did not get under its eyelets")
+    pulled = world.simulate(obstacles, states, threads)
+    for _ in range(2):
+        pulled.execute(pulled.observe()[:, : LAYOUT.action_size] + np.tile([0.0, 0.0, 0.1], 2))
+    if not all(_caught(row, state) for row, state in zip(obstacles, pulled.observe(), strict=True)):
+        raise FairleadError("the eyelets do not hold the strap")
     return states
 
 
@@ -181,8 +185,10 @@ def _ends(world: DualArm, obstacles: tuple[Obstacle, ...], rng: np.random.Genera
     boxes = [box for obstacle in obstacles for box in obstacle.boxes]
     nipples = _part(obstacles, "fittings")[1::2]
     places = np.array([box.position + (box.size[0] / 2 + 0.03) * -box.rotation[:, 0] for box in nipples]).round(4)
-    joints, reached = world.arms.grasp(places[None])
-    if not reached[0] or world.arms.clearance(joints, [boxes])[0] < CLEARANCE:
+    arms = world.arms
+    assert arms is not None
+    joints, reached = arms.grasp(places[None])
+    if not reached[0] or arms.clearance(joints, [boxes])[0] < CLEARANCE:
         raise FairleadError("the arms do not reach the fittings")
     left, right = (tuple(map(float, place)) for place in places)
     return PointsGoal(LAYOUT, (("tail", left), ("head", right)), RADIUS)
