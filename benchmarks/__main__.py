@@ -66,7 +66,7 @@ class Bench:
     def _networks(self, world: Scenario) -> tuple[Dynamics, TransitionCheck]:
         """The dynamics, and the check that planning asks: the classifier and, where there are any, the arms."""
         if self.models is None:
-            sizes = preset(world.name, "desk")
+            sizes = preset(world, "desk")
             dynamics = LearnedDynamics(Ensemble(world.layout, sizes.dynamics, seed=0))
             check = LearnedCheck(build_network(world.layout, sizes.trust_sdf, seed=0))
         else:

@@ -36,8 +36,6 @@ class Command:
         from fairlead.scenarios.registry import scenario
 
         world = scenario(self.scenario)
-        page = reproduce(
-            world, preset(world.base or world.name, self.preset), self.out, self.seed, self.threads, progress_bar
-        )
+        page = reproduce(world, preset(world, self.preset), self.out, self.seed, self.threads, progress_bar)
         videos = sorted((page.parent / "videos").glob("*.mp4"))
         show({"page": str(page), **({"video": str(videos[0])} if videos else {})}, self.json)

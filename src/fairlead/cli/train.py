@@ -60,7 +60,7 @@ class Command:
         self._check()
         use_threads(self.threads)
         world = scenario(self.scenario)
-        sizes = preset(world.base or world.name, self.preset)
+        sizes = preset(world, self.preset)
         planar = sizes.trust.planar
         grids = {
             "coarse": COARSE_GRID if planar else COARSE_GRID_3D,

@@ -1,6 +1,7 @@
 """The state as named groups of points in R^3: grippers first, then the points of the object.
 
-Paper, "State definition": s = [g_1, ..., g_Ng, x_1, ..., x_Nr], N_d = 3 (N_g + N_r).
+Paper, "State definition": s = [g_1, ..., g_Ng, x_1, ..., x_Nr], N_d = 3 (N_g + N_r). A gripper is whatever an action
+moves; a robot that holds nothing (N_r = 0) is its own object.
 """
 
 from __future__ import annotations
@@ -19,15 +20,16 @@ class StateLayout:
 
     Args:
         grippers: name of each gripper, in the order of the state vector.
-        points: number of object points N_r. Point 0 is the tail, the last one is at the (right) gripper.
+        points: number of object points N_r. Point 0 is the tail, the last one is at the (right) gripper. 0 where the
+            grippers hold nothing.
     """
 
     grippers: tuple[str, ...]
     points: int
 
     def __post_init__(self) -> None:
-        if not self.grippers or self.points < 1:
-            raise ValueError("a state has at least one gripper and one object point")
+        if not self.grippers or self.points < 0:
+            raise ValueError("a state has at least one gripper, and no less than 0 object points")
 
     @property
     def state_size(self) -> int:
@@ -49,6 +51,15 @@ class StateLayout:
         tail = states[..., self.action_size :]
         return tail.reshape(*tail.shape[:-1], self.points, 3)
 
+    @property
+    def parts(self) -> tuple[int, ...]:
+        """Lengths, in a state vector, of the grippers and of the object they hold, if they hold one."""
+        return tuple(length for length in (self.action_size, 3 * self.points) if length)
+
+    def object_of(self, states: Float[np.ndarray, "*batch state"]) -> Float[np.ndarray, "*batch point 3"]:
+        """The points [m] that predictions are judged by: the object's, or the grippers' where they hold none."""
+        return self.points_of(states) if self.points else self.grippers_of(states)
+
     def join(
         self, grippers: Float[np.ndarray, "*batch gripper 3"], points: Float[np.ndarray, "*batch point 3"]
     ) -> Float[np.ndarray, "*batch state"]:
@@ -67,14 +78,18 @@ class StateLayout:
         """
         first = len(self.grippers)
         named: dict[str | int, int] = {name: i for i, name in enumerate(self.grippers)}
-        named |= {"tail": first, "midpoint": first + self.points // 2, "head": first + self.points - 1}
+        if self.points:
+            named |= {"tail": first, "midpoint": first + self.points // 2, "head": first + self.points - 1}
         if type(target) is int and 0 <= target < self.points:
             return first + target
         if target not in named:
-            raise UnknownNameError("point", str(target), [*map(str, named), f"0 to {self.points - 1}"])
+            numbers = [f"0 to {self.points - 1}"] if self.points else []
+            raise UnknownNameError("point", str(target), [*map(str, named), *numbers])
         return named[target]
 
     def held(self, index: int) -> int:
-        """The object point that goes with an index of `index`: itself, or the end that a gripper holds."""
+        """The point of `object_of` that goes with an index of `index`: itself, or the end that a gripper holds."""
         first = len(self.grippers)
+        if not self.points:
+            return index
         return index - first if index >= first else self.points - 1 if index == first - 1 else 0

@@ -22,7 +22,7 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.records import ActionOutcome, Trajectories
 from fairlead.data.shards import SPLITS, Shard, read_shard
 from fairlead.geometry.shapes import Box, Obstacle
-from fairlead.scenarios.registry import scenario as find_scenario
+from fairlead.scenarios.scenario import Scenario
 
 KIND, SCENES = "dataset", "scenes.json"
 Obstacles = tuple[Obstacle, ...]
@@ -57,18 +57,20 @@ def shards_of(folder: Path, manifest: Manifest) -> Iterator[tuple[Path, Shard]]:
         yield folder / name, read_shard(folder / name, layout, manifest.config["steps"])
 
 
-def load(folder: Path, split: str) -> Trajectories:
-    """The trajectories of one split: 'train', 'validation' or 'test'.
+def load(folder: Path, split: str, scenario: Scenario) -> Trajectories:
+    """The trajectories of one split, 'train', 'validation' or 'test', of a dataset of `scenario`.
 
     Raises:
-        ArtifactError: the folder is not a finished dataset, a file is damaged, or the split is empty.
-        UnknownNameError: no such split, or the dataset's scenario is not installed.
+        ArtifactError: the folder is not a finished dataset, or one of another scenario; a file is damaged, or the split
+            is empty.
+        UnknownNameError: no such split.
     """
     if split not in SPLITS:
         raise UnknownNameError("split", split, SPLITS)
     manifest = read_manifest(folder, KIND)
     verify_files(folder, manifest)
-    scenario = find_scenario(manifest.config["scenario"])
+    if (found := manifest.config["scenario"]) != scenario.name:
+        raise ArtifactError(folder, f"a dataset of scenario '{found}'; one of '{scenario.name}' is needed here")
     scenes = scenes_from_json(folder / SCENES, read_json(folder / SCENES))
     parts = [(shard, shard.split == split) for _, shard in shards_of(folder, manifest)]
     if not any(chosen.any() for _, chosen in parts):

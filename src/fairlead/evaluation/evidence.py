@@ -58,8 +58,8 @@ def labelled_trajectory(dynamics: Dynamics, data: Trajectories, delta: float, rn
         row = int(score.argmax())
         if score[row] > best[0]:
             found = {
-                "actual": data.layout.points_of(actual[row]),
-                "predicted": data.layout.points_of(predicted[row]),
+                "actual": data.layout.object_of(actual[row]),
+                "predicted": data.layout.object_of(predicted[row]),
                 "distance": distance[row],
                 "labels": labels[row],
                 "delta": np.array(delta),
@@ -93,13 +93,13 @@ def accepted_contacts(check: TransitionCheck, examples: Examples, data: Trajecto
         encodings = check.encode(environment, part.states), check.encode(environment, part.next_states)
         trust = check.probability(environment, part, *encodings)
         trajectory, step = examples.source[rows, 0], examples.source[rows, 2]
-        before, after = (data.layout.points_of(data.states[trajectory, step + i]) for i in (0, 1))
+        before, after = (data.layout.object_of(data.states[trajectory, step + i]) for i in (0, 1))
         touching = environment.signed_distance(after).min(axis=1) < contact_m
         moved = np.linalg.norm(after - before, axis=-1).mean(axis=-1)
         moved[~(touching & (trust > 0.5) & examples.labels[rows])] = 0.0
         row = int(moved.argmax())
         if moved[row] > 0.02:
-            predicted = data.layout.points_of(part.next_states[row])
+            predicted = data.layout.object_of(part.next_states[row])
             found = {"before": before[row], "after": after[row], "predicted": predicted, "probability": trust[row]}
             chosen.append({**found, "boxes": box_rows(environment), "moved": moved[row]})
     chosen.sort(key=lambda item: -float(item.pop("moved")))

@@ -9,13 +9,13 @@ from fairlead.core.layout import StateLayout
 
 
 def local_origin(layout: StateLayout, states: Float[np.ndarray, "*batch state"]) -> Float[np.ndarray, "*batch 3"]:
-    """Origin of the local frame [m]: the gripper where there is one, else the mean of the rope points.
+    """Origin of the local frame [m]: the gripper where there is one, else the mean of the object points.
 
     Paper, "Network architectures", "Dynamics model".
     """
     if len(layout.grippers) == 1:
         return layout.grippers_of(states)[..., 0, :]
-    return layout.points_of(states).mean(axis=-2)
+    return layout.object_of(states).mean(axis=-2)
 
 
 def heading(

@@ -41,7 +41,7 @@ class SceneGoal(Goal):
 @final
 @dataclass(frozen=True)
 class PointsGoal(SceneGoal):
-    """Points of the rope, or grippers, each at its place: kind `point` for one of them, `points` for several.
+    """Points of the object, or grippers, each at its place: kind `point` for one of them, `points` for several.
 
     The error is the largest distance of a point from its place.
 
@@ -117,7 +117,7 @@ def point_goal(layout: StateLayout, target: str | int, position: Iterable[float]
 
 @dataclass(frozen=True)
 class BoxGoal(SceneGoal):
-    """The whole rope on one side of a box's faces."""
+    """The whole object on one side of a box's faces."""
 
     layout: StateLayout
     box: Box
@@ -137,17 +137,17 @@ class BoxGoal(SceneGoal):
 
 @final
 class InsideGoal(BoxGoal):
-    """The whole rope inside a box. The error is how far the farthest rope point is outside of it."""
+    """The whole object inside a box. The error is how far the farthest of its points is outside of it."""
 
     kind = "inside"
 
     def error(self, states: Float[np.ndarray, "*batch state"]) -> Float[np.ndarray, "*batch"]:
-        return np.asarray(np.maximum(box_distance([self.box], self.layout.points_of(states)).max(axis=-1), 0.0))
+        return np.asarray(np.maximum(box_distance([self.box], self.layout.object_of(states)).max(axis=-1), 0.0))
 
     def sample(self, states: States, rng: np.random.Generator) -> States:
         """Put each state anywhere in the box, made narrower along the sides that it does not fit between."""
         rotation, half = self.box.rotation, (1 - MARGIN) * np.array(self.box.size) / 2
-        rope = self.layout.points_of(states) @ rotation
+        rope = self.layout.object_of(states) @ rotation
         low, high = rope.min(axis=1, keepdims=True), rope.max(axis=1, keepdims=True)
         scale = np.minimum(1.0, 2 * half / np.maximum(high - low, 1e-9))
         slack = half - scale * (high - low) / 2
@@ -158,17 +158,17 @@ class InsideGoal(BoxGoal):
 
 @final
 class OutsideGoal(BoxGoal):
-    """The whole rope outside a box. The error is how deep the deepest rope point is inside of it."""
+    """The whole object outside a box. The error is how deep the deepest of its points is inside of it."""
 
     kind = "outside"
 
     def error(self, states: Float[np.ndarray, "*batch state"]) -> Float[np.ndarray, "*batch"]:
-        return np.asarray(np.maximum(-box_distance([self.box], self.layout.points_of(states)).min(axis=-1), 0.0))
+        return np.asarray(np.maximum(-box_distance([self.box], self.layout.object_of(states)).min(axis=-1), 0.0))
 
     def sample(self, states: States, rng: np.random.Generator) -> States:
         """Shift a state that is in the box out through the face that takes the shortest way."""
         rotation, half, rows = self.box.rotation, (1 + MARGIN) * np.array(self.box.size) / 2, np.arange(len(states))
-        rope = (self.layout.points_of(states) - self.box.position) @ rotation
+        rope = (self.layout.object_of(states) - self.box.position) @ rotation
         ways = np.concatenate([half - rope.min(axis=1), -half - rope.max(axis=1)], axis=1)
         face = np.abs(ways).argmin(axis=1)
         shift = ways[rows, face, None] * rotation.T[face % 3]

@@ -77,7 +77,8 @@ class Ensemble(nn.Module):
         count = len(self.layout.grippers)
         positions = states.unflatten(-1, (-1, 3))
         wanted = actions.unflatten(-1, (-1, 3)) - positions[:, :, :count]
-        origin = positions[:, :, :count] if count == 1 else positions[:, :, count:].mean(2, keepdim=True)
+        held = positions[:, :, count:] if self.layout.points else positions
+        origin = positions[:, :, :count] if count == 1 else held.mean(2, keepdim=True)
         local = positions - origin
         turn = self._turn(positions, wanted)
         local, wanted = ((x[..., : self.axes] @ turn) / UNIT_M for x in (local, wanted))
@@ -130,7 +131,7 @@ class LearnedDynamics(Dynamics):
 class RolloutTask(Task):
     """Fits a step function to trajectories by the loss of Eq. 5, as a mean over all predicted steps.
 
-    Each state component (grippers, rope) weighs once, by its mean square error. The score is the validation error per
+    Each state component (grippers, object) weighs once, by its mean square error. The score is the validation error per
     point [m] over ten-step rollouts.
     """
 
@@ -155,12 +156,13 @@ class RolloutTask(Task):
         if self._mirror:
             flip = torch.from_numpy(1 - 2 * rng.integers(0, 2, indices.shape[:2]).astype(np.float32))
             states, actions = (_mirrored(x, flip) for x in (states, actions))
-        grippers, total = self._data.layout.action_size, torch.zeros(())
+        total = torch.zeros(())
         current = states[:, :, 0]
         for step in range(actions.shape[2]):
             current = self._step(current, actions[:, :, step], scene)
             error = ((current - states[:, :, step + 1]) / UNIT_M).square()
-            total = total + error[..., :grippers].mean() + error[..., grippers:].mean()
+            for part in error.split(self._data.layout.parts, dim=-1):
+                total = total + part.mean()
         return total / actions.shape[2]
 
     def score(self) -> float:

@@ -35,23 +35,23 @@ class AcceptAll(TransitionCheck):
 
 @final
 class CollisionCheck(TransitionCheck):
-    """The hand-made baseline of the paper: no predicted rope point inside the map inflated by the rope's radius.
+    """The hand-made baseline of the paper: no predicted object point inside the map inflated by the object's radius.
 
     Args:
         layout: how to read a state.
-        radius: of the rope [m].
+        radius: of the object [m].
     """
 
     def __init__(self, layout: StateLayout, radius: float) -> None:
         if not radius >= 0:
-            raise FairleadError(f"radius {radius}: a rope's radius is at least 0")
+            raise FairleadError(f"radius {radius}: an object's radius is at least 0")
         self.layout, self.radius = layout, radius
 
     def encode(
         self, environment: Environment, states: Float[np.ndarray, "batch state"]
     ) -> Float[np.ndarray, "batch 1"]:
-        """The least signed distance of the rope points [m]."""
-        distance = environment.distance_and_gradient(self.layout.points_of(states))[..., 0]
+        """The least signed distance of the object points [m]."""
+        distance = environment.distance_and_gradient(self.layout.object_of(states))[..., 0]
         return distance.min(axis=1, keepdims=True).astype(np.float32)
 
     def probability(

@@ -1,6 +1,6 @@
 """How far apart two states are, for a search tree: a sum of Euclidean distances between groups of coordinates.
 
-One gripper (dragging): |gripper| + |rope|. More grippers (dual arm): the sum over all points.
+One gripper (dragging): |gripper| + |object|. More grippers (dual arm): the sum over all points.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fairlead.core.layout import StateLayout
 def metric_groups(layout: StateLayout) -> tuple[int, ...]:
     """Number of coordinates in each group, in the order of the state vector."""
     if len(layout.grippers) == 1:
-        return layout.action_size, layout.state_size - layout.action_size
+        return layout.parts
     return (3,) * (layout.state_size // 3)
 
 

@@ -104,15 +104,15 @@ def _episode(
     executed = np.stack([state, *(action.state for action in actions)])
     tree = predicted = None
     if plan is not None:
-        places = layout.points_of(plan.tree.states)[:, points, :2]
+        places = layout.object_of(plan.tree.states)[:, points, :2]
         tree = Branches(places, plan.tree.parents, plan.tree.trust)
-        predicted = layout.points_of(plan.states)
+        predicted = layout.object_of(plan.states)
     return Episode(
         planned,
         tree,
         predicted,
         np.zeros(0) if plan is None else plan.trust,
-        layout.points_of(executed),
+        layout.object_of(executed),
         layout.grippers_of(executed),
         errors,
         np.array([action.seconds for action in actions]),

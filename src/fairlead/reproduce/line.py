@@ -14,10 +14,15 @@ from fairlead.learning.registry import use_threads
 from fairlead.report.page import write_report
 from fairlead.reproduce import stages
 from fairlead.reproduce.presets import Preset
+from fairlead.scenarios.generate import generate
 from fairlead.scenarios.scenario import Scenario
+from fairlead.scenarios.scene_files import write_scenes
 
 Bar = Callable[[str, int, str], AbstractContextManager[Callable[[int], None]]]
 """Opens a progress bar with a title, a total and a unit; yields a function that advances it."""
+
+SCENES = 50
+"""Drawn for a scenario whose benchmark does not come with the package."""
 
 
 def reproduce(scenario: Scenario, preset: Preset, out: Path, seed: int, threads: int, bar: Bar) -> Path:
@@ -37,13 +42,24 @@ def reproduce(scenario: Scenario, preset: Preset, out: Path, seed: int, threads:
     use_threads(threads)
     data, models = _data(scenario, preset, out, seed, threads, bar), out / "models"
     _models(scenario, preset, data, models, seed)
-    scenes = benchmark_scenes(scenario.name)
+    scenes = _scenes(scenario, out, seed)
     config = TrialsConfig(scenario.name, models, scenes, preset.methods, preset.budget, seeds=preset.seeds,
                           limit=preset.scenes, traced=preset.traced, reference=preset.methods[0])  # fmt: skip
     trials = Trials(config, out / "trials")
     with bar(f"{scenario.name} trials", len(trials.missing), "trials") as advance:
         trials.run(threads, lambda row: advance(1))
     return write_report([out], out / "report", videos=preset.videos)
+
+
+def _scenes(scenario: Scenario, out: Path, seed: int) -> Path:
+    """The benchmark scenes; where none come with the package, random ones in `out`."""
+    benchmark, path = benchmark_scenes(scenario.name), out / "scenes.json"
+    if benchmark.exists():
+        return benchmark
+    if not path.exists():
+        scenes = generate(scenario, "random", SCENES, seed)
+        write_scenes(path, scenario.name, scenes, f"fairlead scenes {scenario.name}, random, seed {seed}")
+    return path
 
 
 def _data(scenario: Scenario, preset: Preset, out: Path, seed: int, threads: int, bar: Bar) -> dict[str, Path]:

@@ -14,6 +14,7 @@ from fairlead.learning.fit import Stage
 from fairlead.learning.full_dynamics import FullDynamicsConfig
 from fairlead.learning.recovery import RecoveryConfig
 from fairlead.learning.trust_network import COARSE_GRID_3D, TrustConfig
+from fairlead.scenarios.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -123,10 +124,13 @@ PRESETS: dict[str, dict[str, Preset]] = {
 }
 
 
-def preset(scenario: str, name: str) -> Preset:
-    """The preset of that name for a scenario; UnknownNameError otherwise."""
-    if scenario not in PRESETS:
-        raise UnknownNameError("scenario", scenario, PRESETS)
-    if name not in PRESETS[scenario]:
-        raise UnknownNameError("preset", name, PRESETS[scenario])
-    return PRESETS[scenario][name]
+def preset(scenario: Scenario, name: str) -> Preset:
+    """The preset of that name for a scenario; UnknownNameError otherwise.
+
+    A scenario that has no sizes of its own takes those of the paper's scenario that moves as it does: in the plane, or
+    in space.
+    """
+    sizes = PRESETS.get(scenario.name) or PRESETS["dragging" if scenario.sampler.planar else "dual_arm"]
+    if name not in sizes:
+        raise UnknownNameError("preset", name, sizes)
+    return sizes[name]

@@ -9,6 +9,7 @@ from typing import Any
 
 from fairlead.core.artifacts import MANIFEST, read_json, read_manifest, sha256, verify_files
 from fairlead.core.errors import ArtifactError
+from fairlead.data.shards import SPLITS
 from fairlead.data.store import load
 from fairlead.evaluation.evidence import write_evidence
 from fairlead.learning.dynamics import DynamicsConfig, train_dynamics
@@ -26,17 +27,16 @@ CONTACT_M = 0.005
 """A rope point this near to an obstacle's surface, beyond the rope's radius, is in contact in the evidence."""
 
 
-def splits(folder: Path, scenario: str, phase: int) -> Splits:
+def splits(folder: Path, scenario: Scenario, phase: int) -> Splits:
     """The three splits of a dataset.
 
     Raises:
         ArtifactError: not a finished dataset, or one of another scenario or phase.
     """
-    config = read_manifest(folder, "dataset").config
-    for key, needed in (("scenario", scenario), ("phase", phase)):
-        if config[key] != needed:
-            raise ArtifactError(folder, f"a dataset of {key} '{config[key]}'; one of '{needed}' is needed here")
-    return Splits(load(folder, "train"), load(folder, "validation"), load(folder, "test"))
+    found = read_manifest(folder, "dataset").config["phase"]
+    if found != phase:
+        raise ArtifactError(folder, f"a dataset of phase '{found}'; one of '{phase}' is needed here")
+    return Splits(*(load(folder, split, scenario) for split in SPLITS))
 
 
 def _hashes(inputs: Mapping[str, Path]) -> dict[str, str]:
@@ -82,13 +82,13 @@ def _model(
 def dynamics(scenario: Scenario, data: Path, config: DynamicsConfig, out: Path, seed: int) -> None:
     """Train the unconstrained dynamics on phase 1 data."""
     _model(scenario, out, config, {"data": data}, seed,
-           lambda job: train_dynamics(splits(data, scenario.name, 1), config, job))  # fmt: skip
+           lambda job: train_dynamics(splits(data, scenario, 1), config, job))  # fmt: skip
 
 
 def full_dynamics(scenario: Scenario, data: Path, config: FullDynamicsConfig, out: Path, seed: int) -> None:
     """Train the full dynamics baseline on data recorded as in phase 2."""
     _model(scenario, out, config, {"data": data}, seed,
-           lambda job: train_full_dynamics(splits(data, scenario.name, 2), config, job))  # fmt: skip
+           lambda job: train_full_dynamics(splits(data, scenario, 2), config, job))  # fmt: skip
 
 
 def trust(scenario: Scenario, data: Path, dynamics: Path, config: TrustConfig, out: Path, seed: int) -> None:
@@ -97,7 +97,7 @@ def trust(scenario: Scenario, data: Path, dynamics: Path, config: TrustConfig, o
     def train(job: Job) -> None:
         model = load_dynamics(dynamics, scenario.kin)
         delta = load_delta(dynamics, scenario.kin) if config.delta_m is None else config.delta_m
-        train_trust(model, splits(data, scenario.name, 2), delta, config, job)
+        train_trust(model, splits(data, scenario, 2), delta, config, job)
 
     _model(scenario, out, config, {"data": data, "dynamics": dynamics}, seed, train)
 
@@ -110,7 +110,7 @@ def recovery(
     def train(job: Job) -> None:
         model, check = load_dynamics(dynamics, scenario.kin), load_check(trust, scenario.kin)
         trusted = within_reach(check, scenario)
-        train_recovery(model, check, trusted, scenario.sampler, splits(data, scenario.name, 2), config, job)
+        train_recovery(model, check, trusted, scenario.sampler, splits(data, scenario, 2), config, job)
 
     _model(scenario, out, config, {"data": data, "dynamics": dynamics, "trust": trust}, seed, train)
 
@@ -124,7 +124,7 @@ def evidence(scenario: Scenario, data: Path, dynamics: Path, trust: Path, out: P
     write_evidence(
         load_dynamics(dynamics, scenario.kin),
         load_check(trust, scenario.kin),
-        load(data, "test"),
+        load(data, "test", scenario),
         read_json(trust / "metrics.json")["delta_m"],
         grid,
         scenario.rope_radius + CONTACT_M,

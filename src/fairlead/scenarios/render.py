@@ -141,6 +141,18 @@ class SceneRenderer:
         return geom
 
 
+def plain_backdrop(bounds: Float[np.ndarray, "2 3"]) -> mujoco.MjModel:
+    """A floor under the region between two corners [m], seen from above."""
+    x, y = (bounds[0, :2] + bounds[1, :2]) / 2
+    half = float((bounds[1, :2] - bounds[0, :2]).max()) / 2
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[half, half, 0.1], pos=[x, y, bounds[0, 2]],
+                            rgba=[0.93, 0.94, 0.95, 1])  # fmt: skip
+    spec.worldbody.add_light(pos=[x, y, 3 * half], dir=[0, 0, -1])
+    spec.worldbody.add_camera(name="view", pos=[x, y, bounds[1, 2] + 2.6 * half], fovy=45)
+    return spec.compile()
+
+
 def save_png(path: Path, frame: UInt8[np.ndarray, "height width 3"]) -> None:
     """Write one picture."""
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -22,23 +23,28 @@ from fairlead.core.roles import Environment
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box, Obstacle, box_distance
 from fairlead.scenarios.arms import Arms
-from fairlead.scenarios.render import Colour, SceneRenderer
+from fairlead.scenarios.render import Colour, SceneRenderer, plain_backdrop
 from fairlead.scenarios.rope import RopeFactors
 from fairlead.scenarios.scene_files import Scene, SceneSet, read_scenes
 from fairlead.scenarios.simulate import SimulatedWorld
 
 
 class Scenario(ABC):
-    """One scenario of the paper, or a user's own. The rest of the package sees it through this alone."""
+    """One scenario of the paper, or a user's own. The rest of the package sees it through this alone.
+
+    What has a value or a body here suits a world of points; ropes, arms and finer pictures have more to say.
+    """
 
     name: str
     layout: StateLayout
     sampler: RandomDisplacement
     unconstrained_sampler: RandomDisplacement
-    rope_radius: float
-    link_length: float
-    paper_data: tuple[tuple[int, int], tuple[int, int]]
-    """Trajectories, and actions in each, that the paper recorded: in phase 1, in phase 2."""
+    rope_radius: float = 0.0
+    """How thick the object is about its points [m]."""
+    link_length: float = math.inf
+    """How far apart two neighbouring points of the object can be [m]."""
+    paper_data: tuple[tuple[int, int], tuple[int, int]] = (2048, 10), (2048, 20)
+    """Trajectories, and actions in each, that the paper recorded or a scenario wants: in phase 1, in phase 2."""
     arms: Arms | None = None
     """What carries the grippers, where something does: pictures show it, checks and recovery ask what it can do."""
 
@@ -64,7 +70,10 @@ class Scenario(ABC):
         states: Float[np.ndarray, "batch state"],
         threads: int = 1,
     ) -> SimulatedWorld:
-        """One simulation for each row: obstacles placed, the rope laid at the given points and settled."""
+        """One simulation for each row: obstacles placed, the object laid at the given points and settled.
+
+        `scenarios.computed.ComputedWorld` is one for worlds that a function computes.
+        """
 
     @abstractmethod
     def simulate_unconstrained(self, states: Float[np.ndarray, "batch state"], threads: int = 1) -> SimulatedWorld:
@@ -79,30 +88,25 @@ class Scenario(ABC):
         del factors, arms
         raise FairleadError(f"scenario '{self.name}' knows no rope but its own")
 
-    @abstractmethod
     def backdrop(self) -> mujoco.MjModel:
         """What pictures show behind every scene: lights, a camera called `view`, and what never moves."""
+        return plain_backdrop(self.environment(()).bounds)
 
     @abstractmethod
     def random_start(self, rng: np.random.Generator) -> Float[np.ndarray, " state"]:
         """A start without obstacles."""
 
     @abstractmethod
-    def random_obstacles(self, state: Float[np.ndarray, " state"], rng: np.random.Generator) -> tuple[Obstacle, ...]:
-        """Obstacles at random places that leave the rope in `state` free."""
-
-    @abstractmethod
     def rearrange(
         self, states: Float[np.ndarray, "batch state"], rngs: Sequence[np.random.Generator], threads: int = 1
     ) -> tuple[list[tuple[Obstacle, ...]], Float[np.ndarray, "batch state"]]:
-        """New obstacles for each row, drawn from its own stream, and the state in which the rope is among them."""
+        """New obstacles for each row, drawn from its own stream, and the state in which the object is among them."""
 
     @abstractmethod
     def random_scene(self, rng: np.random.Generator, name: str) -> Scene:
         """A scene like the paper's test scenes: obstacles, a start and a goal."""
 
-    @abstractmethod
-    def validate(self, scene: Scene) -> None:
+    def validate(self, scene: Scene) -> None:  # noqa: B027
         """Raise FairleadError for a scene that cannot be simulated or solved by anyone."""
 
     def scenes(self, path: Path) -> SceneSet:

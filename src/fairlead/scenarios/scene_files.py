@@ -43,7 +43,7 @@ class Scene:
     def state(self, layout: StateLayout) -> np.ndarray:
         """The given start as a state vector (state,) [m]."""
         grippers = np.array([self.grippers[name] for name in layout.grippers])
-        return layout.join(grippers, np.array(self.rope))
+        return layout.join(grippers, np.array(self.rope).reshape(-1, 3))
 
     def written(self) -> dict[str, Any]:
         """The JSON value that a scene file holds."""
