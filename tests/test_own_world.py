@@ -1,0 +1,78 @@
+"""A world that is no rope and needs no simulator: the example learns where to trust, and it pays."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fairlead.core.contracts import check_world
+from fairlead.core.streams import stream
+from fairlead.data.verify import verify
+from fairlead.learning.registry import load_check
+from fairlead.planning.checks import AcceptAll
+from fairlead.scenarios.registry import SCENARIOS
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+@pytest.fixture(scope="module")
+def own() -> Any:
+    sys.path.insert(0, str(EXAMPLES))
+    import own_world
+
+    yield own_world
+    sys.path.remove(str(EXAMPLES))
+
+
+@pytest.fixture(scope="module")
+def models(own: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("ground")
+    own.learn(own.Ground(), folder, count=128)
+    return folder
+
+
+def test_the_world_keeps_the_contract_and_its_data_are_sound(
+    own: Any, models: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ground, rng = own.Ground(), stream(0, "ground")
+    starts = np.stack([ground.random_start(rng) for _ in range(5)])
+    world = ground.simulate([ground.random_ice(rng) for _ in starts], starts)
+    check_world(world, ground.sampler.propose(starts, rng))
+    monkeypatch.setitem(SCENARIOS, "ground", own.Ground)
+    assert verify(models / "icy")["trajectories"] == 128
+
+
+def test_ice_holds_the_robot_and_dry_ground_does_not(own: Any) -> None:
+    ground = own.Ground()
+    ice = (own.Obstacle("ice", (own.Box((0.4, 0.4, 1.0), (0.0, 0.0, 0.0)),)),)
+    world = ground.simulate([ice, ice], np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]]))
+    moved = world.execute(world.observe() + np.array([0.1, 0.0, 0.0])).states - [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]]
+    np.testing.assert_allclose(moved[:, 0], [0.01 * 0.1 / 1.2, 0.1 / 1.2])
+
+
+def test_trust_is_low_on_ice_and_high_where_it_is_dry(own: Any, models: Path) -> None:
+    ground = own.Ground()
+    check = load_check(models / "trust", "ground")
+    for i in range(4):
+        scene = ground.random_scene(stream(2, i), "any")
+        places = np.append(stream(3, i).uniform(-0.9, 0.9, (400, 2)), np.zeros((400, 1)), axis=1)
+        depth = ground.environment(scene.obstacles).signed_distance(places)
+        trust = own.trust_at(own.problem(ground, scene, models, check), places)
+        assert trust[depth < -0.03].mean() < 0.2
+        assert trust[depth > 0.15].mean() > 0.8
+
+
+def test_a_robot_that_knows_where_to_trust_arrives_more_often(own: Any, models: Path) -> None:
+    ground = own.Ground()
+    scenes = [ground.random_scene(stream(4, i), "any") for i in range(5)]
+    arrived = {}
+    for check in (load_check(models / "trust", "ground"), AcceptAll()):
+        traces = [own.drive(ground, scene, own.problem(ground, scene, models, check)) for scene in scenes]
+        arrived[type(check)] = sum(trace.result["success"] for trace in traces)
+    trusting, accepting = arrived.values()
+    assert trusting >= 4
+    assert accepting <= trusting - 2
