@@ -16,13 +16,18 @@ from hypothesis import strategies as st
 import synthetic
 from fairlead.core.artifacts import Manifest, append_jsonl, write_json
 from fairlead.core.errors import ArtifactError
+from fairlead.core.layout import StateLayout
+from fairlead.evaluation.shipped import benchmark_scenes
 from fairlead.evaluation.summary import summarise
 from fairlead.report.drawing import outline
+from fairlead.report.movie import recoveries, takes
 from fairlead.report.page import write_report
 from fairlead.report.playback import Branches, Episode, Recording, views
-from fairlead.report.sources import find_sources
+from fairlead.report.sources import TrialSet, find_sources
 from fairlead.report.tables import Table, actions_table, success_table
 from fairlead.report.video import Panel, frame, write_video
+from fairlead.reproduce.cameras import camera
+from fairlead.scenarios.registry import scenario
 
 
 @pytest.fixture(scope="module")
@@ -89,14 +94,16 @@ def test_outline_is_the_turned_rectangle(yaw: float, a: float, b: float) -> None
 
 def made_up_recording(scene: dict[str, Any], steps: tuple[int, ...], rng: np.random.Generator) -> Recording:
     """A rope that moves at random; an episode with no steps was planned and not executed."""
-    rope, episodes = np.array(scene["rope"]), []
+    rope = np.array(scene["rope"])
+    layout, episodes = StateLayout(("gripper",), len(rope)), []
+    state = layout.join(rope[-1:], rope)
     for count in steps:
-        executed = rope + np.cumsum(rng.normal(0, 0.01, (count + 1, 1, 3)), axis=0)
-        tree = Branches(rng.normal(0, 0.3, (20, 1, 2)), np.arange(20) // 2, rng.uniform(0.5, 1, 20))
+        executed = state + np.cumsum(rng.normal(0, 0.01, (count + 1, len(state))), axis=0)
+        tree = Branches(rng.normal(0, 0.3, (20, 1, 3)), np.arange(20) // 2, rng.uniform(0.5, 1, 20))
         seconds, trust, errors = (rng.uniform(0.1, 1, n) for n in (count, count, count + 1))
-        episodes.append(Episode(True, tree, executed + 0.01, trust, executed, executed[:, -1:], errors, seconds, 0.1))
-        rope = executed[-1]
-    return Recording("made-up", tuple(episodes), "goal", "It is there.")
+        episodes.append(Episode(True, tree, executed + 0.01, trust, executed, errors, seconds, 0.1))
+        state = executed[-1]
+    return Recording("made-up", layout, tuple(episodes), "goal", "It is there.")
 
 
 @given(st.lists(st.integers(0, 4), min_size=1, max_size=3), st.integers(0, 100))
@@ -109,18 +116,65 @@ def test_frames_tell_the_trial_in_order(steps: list[int], seed: int) -> None:
     total = sum(episode.seconds.sum() + episode.planning_s for episode in recording.episodes)
     assert seconds[-1] == pytest.approx(total)
     assert shown[-1].ended
-    assert shown[-1].rope == pytest.approx(recording.episodes[-1].executed[-1])
+    assert shown[-1].state == pytest.approx(recording.episodes[-1].executed[-1])
     assert shown[-1].plans == len(steps)
 
 
 def test_video_is_written_and_its_frames_are_not_empty(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     scene = synthetic.scene("s", rng)
-    panels = [Panel(made_up_recording(scene, (1,), rng), scene, (0,)) for _ in range(2)]
+    cameras = None, FakeCamera()
+    panels = [Panel(made_up_recording(scene, (1,), rng), scene, (0,), camera) for camera in cameras]
     write_video(tmp_path / "v.mp4", panels)
     assert (tmp_path / "v.mp4").read_bytes()[4:8] == b"ftyp"
     last = [list(views(panel.recording))[-1] for panel in panels]
     assert len(np.unique(np.asarray(frame(panels, last)).reshape(-1, 3), axis=0)) > 50
+    assert cameras[1].taken < len(list(views(panels[1].recording)))
+
+
+class FakeCamera:
+    """Counts its pictures."""
+
+    taken = 0
+
+    def frame(self, state: np.ndarray, ghost: np.ndarray | None = None) -> np.ndarray:
+        self.taken += 1
+        return np.full((64, 64, 3), 128, np.uint8)
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        return points[:, :2]
+
+
+def test_points_are_where_the_camera_shows_them() -> None:
+    """A gripper's red dot is drawn where its position is projected to."""
+    world = scenario("dual_arm")
+    scene = world.scenes(benchmark_scenes("dual_arm")).scenes[0]
+    with camera("dual_arm", scene.written(), 200) as found:
+        if found is None:
+            pytest.skip("nothing can be rendered here: fairlead doctor says what is missing")
+        picture, state = found.frame(scene.state(world.layout)), scene.state(world.layout)
+        for x, y in (found.project(world.layout.grippers_of(state)) * 200).astype(int):
+            near = picture[y - 2 : y + 3, x - 2 : x + 3].reshape(-1, 3).astype(int)
+            assert (near[:, 0] > near[:, 1:].max(axis=1) + 60).any()
+
+
+def test_a_movie_shows_first_what_tells_most(trials: Path, tmp_path: Path) -> None:
+    """Scenes where only the reference succeeds come first; a recovery is one that led to the goal, if any did."""
+    folder = tmp_path / "told"
+    shutil.copytree(trials, folder)
+    rows = [row for row in synthetic.rows(scenes=6, seeds=1) if row["method"] in ("trust", "accept-all")]
+    told = {"trust": [0, 1, 1, 1, 0, 1], "accept-all": [1, 1, 0, 1, 0, 0]}
+    (folder / "trials.jsonl").unlink()
+    for row in rows:
+        number = int(row["scene"][-3:])
+        row |= {"success": bool(told[row["method"]][number]), "recovery_actions": 2 if number in (0, 3) else 0}
+        append_jsonl(folder / "trials.jsonl", row)
+        (folder / "traces" / row["method"] / f"{row['scene']}-{row['seed']}").mkdir(parents=True)
+    found = TrialSet(folder)
+    assert found.reference == "trust"
+    assert [int(take.scene[-3:]) for take in takes(found, 4)] == [2, 5, 1, 3]
+    assert takes(found, 6)[-1].caption.startswith("only the right one")
+    assert [take.scene for take in recoveries(found, ())] == ["scene-003"]
 
 
 def test_report_says_what_it_made(trials: Path, tmp_path: Path) -> None:

@@ -7,11 +7,16 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+import imageio_ffmpeg
 import pytest
 
 from fairlead.core.artifacts import read_jsonl
 from fairlead.core.errors import ArtifactError, UnknownNameError
 from fairlead.evaluation.shipped import benchmark_scenes
+from fairlead.report.movie import LONGEST_S, Card, Take, takes, write_movie
+from fairlead.report.playback import FPS
+from fairlead.report.sources import TrialSet
+from fairlead.report.stage import no_camera
 from fairlead.reproduce import stages
 from fairlead.reproduce.line import reproduce
 from fairlead.reproduce.presets import PRESETS, preset
@@ -46,6 +51,18 @@ def test_the_dual_arm_takes_the_same_line(tmp_path: Path) -> None:
     rows = list(read_jsonl(tmp_path / "trials" / "trials.jsonl"))
     assert {row["method"] for row in rows} == set(preset("dual_arm", "smoke").methods)
     assert "trust+recovery" in (tmp_path / "report" / "report.html").read_text()
+
+
+def test_a_movie_has_every_part_at_its_length(line: Path, tmp_path: Path) -> None:
+    """A card lasts as long as it says, and a trial no longer than the longest."""
+    trials, card = TrialSet(line / "trials"), Card("Title", ("a line",), 0.4)
+    parts: list[Card | Take] = [card, *takes(trials, 2), card]
+    assert len(parts) == 3  # one scene was tried
+    counted: list[Card | Take] = []
+    write_movie(tmp_path / "movie.mp4", parts, no_camera, counted.append)
+    assert counted == parts
+    frames, _ = imageio_ffmpeg.count_frames_and_secs(str(tmp_path / "movie.mp4"))
+    assert 2 * 0.4 * FPS < frames <= 2 * 0.4 * FPS + LONGEST_S * FPS + 1
 
 
 def test_every_artifact_has_a_manifest(line: Path) -> None:

@@ -17,6 +17,7 @@ COMMANDS = {
     "pack": "make trained models ready to travel: smaller, with a card",
     "reproduce": "the whole line: collect, train, try every method, report",
     "demo": "both scenarios with the models that come with Fairlead: a page and videos",
+    "movie": "both scenarios as a movie of one to two minutes",
     "plan": "plan and execute one scene, with a trace and a video",
     "evaluate": "try methods on many scenes",
     "report": "tables, figures and one self-contained page",

@@ -48,7 +48,8 @@ class Command:
         from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
         from fairlead.execution.trial import Protocol
         from fairlead.report.video import write_video
-        from fairlead.report.videos import panel
+        from fairlead.report.videos import panels
+        from fairlead.reproduce.cameras import camera
 
         if self.trace.exists():
             raise ArtifactError(self.trace, "exists already; a trace needs a new folder")
@@ -59,6 +60,7 @@ class Command:
         scene = bench.scenes.scene(self.scene)
         row = bench.run(Job(self.method, scene.name, self.seed, self.trace))
         if self.video is not None:
-            write_video(self.video, [panel(self.trace, scene.written(), self.method)])
+            with panels(self.scenario, scene.written(), {self.method: self.trace}, camera) as single:
+                write_video(self.video, single)
             row["video"] = str(self.video)
         show(row | {"trace": str(self.trace)}, self.json)

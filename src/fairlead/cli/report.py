@@ -28,7 +28,8 @@ class Command:
         """Write the report and print where it is."""
         from fairlead.core.errors import FairleadError
         from fairlead.report.page import write_report
+        from fairlead.reproduce.cameras import camera
 
         if not self.folders:
             raise FairleadError("report needs at least one folder of trials or models")
-        show({"page": str(write_report(self.folders, self.out, videos=not self.no_videos))}, self.json)
+        show({"page": str(write_report(self.folders, self.out, videos=not self.no_videos, cameras=camera))}, self.json)

@@ -21,7 +21,7 @@ from fairlead.learning.model_files import ModelFile, model_card, read_model
 from fairlead.learning.recovery import LearnedRecovery, recovery_from
 from fairlead.learning.trust import LearnedCheck, check_from
 
-LOST = {"dynamics": 1e-4, "full-dynamics": 1e-4, "trust": 0.01, "recovery": 0.01}
+LOST = {"dynamics": 2e-4, "full-dynamics": 2e-4, "trust": 0.01, "recovery": 0.01}
 """The largest difference that half precision may make: to a predicted coordinate or a spread [m]; to a probability."""
 PACKED_FROM = "packed_from"
 """Key in a manifest's `extra`: the hash of the manifest of the model that this one was packed from."""

@@ -76,8 +76,8 @@ def draw_goal(axes: Axes, goal: Mapping[str, Any]) -> None:
             axes.plot(*centre, "+", color=GOAL, markersize=5, markeredgewidth=1.5)
 
 
-def arena(axes: Axes, centre: Float[np.ndarray, " 2"] | tuple[float, float] = (0.0, 0.0), half: float = 1.0) -> None:
-    """A square frame without ticks."""
+def arena(axes: Axes, centre: Float[np.ndarray, " 2"], half: float) -> None:
+    """A square frame without ticks: its centre and half its side [m]."""
     (x, y), reach = centre, np.array([-half, half])
     axes.set(xlim=x + reach, ylim=y + reach, aspect="equal", xticks=[], yticks=[])
     axes.grid(False)

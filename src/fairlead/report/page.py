@@ -17,6 +17,7 @@ from fairlead.core.budget import Budget
 from fairlead.core.records import TrialOutcome
 from fairlead.report import evidence_figures, figures, model_figures, tables
 from fairlead.report.sources import Sources, TrialSet, find_sources
+from fairlead.report.stage import Cameras, no_camera
 from fairlead.report.style import OUTCOMES, method_style, to_svg
 from fairlead.report.tables import Table, counted
 from fairlead.report.videos import Clip, make_videos
@@ -204,9 +205,10 @@ def _headline(sources: Sources) -> tuple[str, str]:
     return f"Rope {scenario}: planning only through what is trusted", text + "."
 
 
-def write_report(folders: Sequence[Path], out: Path, videos: bool = True) -> Path:
+def write_report(folders: Sequence[Path], out: Path, videos: bool = True, cameras: Cameras = no_camera) -> Path:
     """Write the page, its figures, videos and Markdown tables into `out`; the page's path is returned.
 
+    Videos are seen through `cameras`.
     What an earlier report there had written and this one has not is removed; whatever else is there stays.
 
     Raises:
@@ -216,7 +218,7 @@ def write_report(folders: Sequence[Path], out: Path, videos: bool = True) -> Pat
     sections: list[_Section | None] = []
     for trials in sources.trials:
         name = trials.folder.name
-        clips = make_videos(trials, out / "videos", name) if videos else []
+        clips = make_videos(trials, out / "videos", name, cameras) if videos else []
         sections.append(_trial_section(trials, save, name, clips))
     sections += [_learning_section(sources, save), _evidence_section(sources, save)]
     present = [section for section in sections if section is not None]

@@ -22,7 +22,7 @@ _FIRST_PLANNING, _LATER_PLANNING, _END = 30, 10, 45
 class Branches:
     """The tree of one plan: where the goal's points of the rope are in each node, and the trust in reaching it."""
 
-    points: Float[np.ndarray, "node followed 2"]
+    points: Float[np.ndarray, "node followed 3"]
     parents: Int[np.ndarray, " node"]
     trust: Float[np.ndarray, " node"]
 
@@ -36,10 +36,9 @@ class Episode:
 
     planned: bool
     tree: Branches | None
-    predicted: Float[np.ndarray, "steps_and_one point 3"] | None
+    predicted: Float[np.ndarray, "steps_and_one state"] | None
     trust: Float[np.ndarray, " steps"]
-    executed: Float[np.ndarray, "done_and_one point 3"]
-    grippers: Float[np.ndarray, "done_and_one gripper 3"]
+    executed: Float[np.ndarray, "done_and_one state"]
     errors: Float[np.ndarray, " done_and_one"]
     seconds: Float[np.ndarray, " done"]
     planning_s: float
@@ -50,6 +49,7 @@ class Recording:
     """A whole trial, and what to say about it: its title, and how it ended as a word and as a sentence."""
 
     title: str
+    layout: StateLayout
     episodes: tuple[Episode, ...]
     outcome: str
     sentence: str
@@ -59,17 +59,16 @@ class Recording:
 class View:
     """What one frame shows of a trial."""
 
-    rope: Float[np.ndarray, "point 3"]
-    grippers: Float[np.ndarray, "gripper 3"]
+    state: Float[np.ndarray, " state"]
     phase: str
     seconds: float
     error_m: float
     plans: int
     episode: int = 0
     grown: float = 0.0
-    ghost: Float[np.ndarray, "point 3"] | None = None
+    ghost: Float[np.ndarray, " state"] | None = None
     trust: float | None = None
-    trail: tuple[Float[np.ndarray, "point 3"], ...] = field(default=())
+    trail: tuple[Float[np.ndarray, " state"], ...] = field(default=())
     ended: bool = False
 
 
@@ -88,7 +87,7 @@ def recording(trace: Trace, title: str, points: tuple[int, ...]) -> Recording:
             episodes.append(_episode(trace.layout, not recovering, found, part, state, errors, planning_s, points))
             state, error = part[-1].state if part else state, float(errors[-1])
             clock = part[-1].at_s if part else max(clock, plan.at_s)
-    return Recording(title, tuple(episodes), trace.outcome.label, trace.outcome.sentence)
+    return Recording(title, trace.layout, tuple(episodes), trace.outcome.label, trace.outcome.sentence)
 
 
 def _episode(
@@ -104,16 +103,15 @@ def _episode(
     executed = np.stack([state, *(action.state for action in actions)])
     tree = predicted = None
     if plan is not None:
-        places = layout.object_of(plan.tree.states)[:, points, :2]
+        places = layout.object_of(plan.tree.states)[:, points]
         tree = Branches(places, plan.tree.parents, plan.tree.trust)
-        predicted = layout.object_of(plan.states)
+        predicted = plan.states
     return Episode(
         planned,
         tree,
         predicted,
         np.zeros(0) if plan is None else plan.trust,
-        layout.object_of(executed),
-        layout.grippers_of(executed),
+        executed,
         errors,
         np.array([action.seconds for action in actions]),
         max(0.0, planning_s),
@@ -126,8 +124,8 @@ def views(recording: Recording) -> Iterator[View]:
     view = None
     for index, episode in enumerate(recording.episodes):
         plans += episode.planned
-        start = episode.executed[0], episode.grippers[0], "planning", seconds, float(episode.errors[0])
-        view = View(*start, plans, index, trail=trail)
+        error = float(episode.errors[0])
+        view = View(episode.executed[0], "planning", seconds, error, plans, index, trail=trail)
         if episode.planned and episode.tree is None:
             yield from [replace(view, phase="stuck")] * _LATER_PLANNING
         elif episode.tree is not None:
@@ -155,13 +153,12 @@ def _executing(episode: Episode, view: View) -> Iterator[View]:
         trust = None if episode.predicted is None else float(episode.trust[step])
         for frame in range(1, count + 1):
             part = frame / count
-            rope = (1 - part) * episode.executed[step] + part * episode.executed[step + 1]
-            grippers = (1 - part) * episode.grippers[step] + part * episode.grippers[step + 1]
+            state = (1 - part) * episode.executed[step] + part * episode.executed[step + 1]
             now = seconds + part * float(took)
             error = float((1 - part) * episode.errors[step] + part * episode.errors[step + 1])
             view = replace(
-                view, rope=rope, grippers=grippers, phase=phase, seconds=now, error_m=error, ghost=ghost,
-                trust=trust, trail=(*trail, rope),
+                view, state=state, phase=phase, seconds=now, error_m=error, ghost=ghost, trust=trust,
+                trail=(*trail, state),
             )  # fmt: skip
             yield view
         seconds, trail = view.seconds, view.trail

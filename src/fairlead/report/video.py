@@ -1,10 +1,10 @@
-"""Draws trials from above, side by side, and encodes them: an MP4, and a small moving GIF of the same."""
+"""Draws trials side by side, and encodes them: an MP4, and a small moving GIF of the same."""
 
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Mapping, Sequence
-from itertools import zip_longest
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain, zip_longest
 from pathlib import Path
 from typing import Any, final
 
@@ -15,24 +15,23 @@ from jaxtyping import Float
 from matplotlib.colors import LinearSegmentedColormap
 from PIL import Image, ImageDraw, ImageFont
 
-from fairlead.core.marks import Mark, marks
-from fairlead.report.drawing import outlines, shape, view_of
-from fairlead.report.playback import FPS, SPEED, Episode, Recording, View, views
-from fairlead.report.style import FAINT, GHOST, GOAL, GRIPPER, INK, MUTED, OBSTACLE, OUTCOMES, PAPER, ROPE
+from fairlead.report.playback import FPS, SPEED, Branches, Recording, View, views
+from fairlead.report.stage import SHARP, SIDE, Camera, Photographed, TopView
+from fairlead.report.style import FAINT, GHOST, GOAL, GRIPPER, INK, MUTED, OUTCOMES, PAPER, ROPE
 from fairlead.report.tables import counted
 
-SIDE, HEAD, FOOT, GAP = 560, 50, 52, 20
-"""Pixels: an arena's side, the space above and below it, and between."""
-_SHARP = 2
+HEAD, FOOT, GAP, LEGEND = 50, 52, 20, 36
+"""Pixels above and below a stage, between two, and of the legend below all."""
 TRUST = LinearSegmentedColormap.from_list("trust", ["#d55e00", "#e6b366", "#7fb2d9", "#0072b2"])
 """Colour of a tree's branch: trust 0.5 (just accepted) to 1."""
 
 Font = ImageFont.FreeTypeFont
 
 
-def _font(size: int, bold: bool = False) -> Font:
+def font(size: int, bold: bool = False) -> Font:
+    """The letters of pictures; `size` is in pixels of the video."""
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
-    return ImageFont.truetype(Path(mpl.get_data_path()) / "fonts" / "ttf" / name, size * _SHARP)
+    return ImageFont.truetype(Path(mpl.get_data_path()) / "fonts" / "ttf" / name, size * SHARP)
 
 
 @final
@@ -43,160 +42,144 @@ class Panel:
         recording: the trial.
         scene: its scene, as a scene file writes it.
         points: indices of the rope points that the goal is for.
+        camera: what it is seen through; None: from above.
     """
 
-    def __init__(self, recording: Recording, scene: Mapping[str, Any], points: tuple[int, ...]) -> None:
-        self.recording, self.scene, self.points = recording, scene, points
-        self.centre, self.half = view_of(scene)
-        self._layers: dict[int, Image.Image] = {}
-        self._background = self._arena()
+    def __init__(
+        self, recording: Recording, scene: Mapping[str, Any], points: tuple[int, ...], camera: Camera | None
+    ) -> None:
+        self.recording, self.points = recording, points
+        self.stage = TopView(scene, recording.layout, points) if camera is None else Photographed(camera)
+        self._layer: tuple[tuple[int, float], Image.Image] | None = None
+        self._drawn: tuple[View, Image.Image] | None = None
 
-    def _pixels(self, points: Float[np.ndarray, "count _"]) -> list[tuple[float, float]]:
-        scaled = ((np.asarray(points)[:, :2] - self.centre) * (1, -1) / self.half + 1) * SIDE * _SHARP / 2
-        return list(map(tuple, scaled.tolist()))
+    def _planned(self, view: View) -> Image.Image:
+        """The tree, and the plan when it is there; drawn once when it is full-grown."""
+        if self._layer is not None and self._layer[0] == (view.episode, view.grown):
+            return self._layer[1]
+        episode = self.recording.episodes[view.episode]
+        layer = Image.new("RGBA", (SIDE * SHARP, SIDE * SHARP))
+        draw = ImageDraw.Draw(layer)
+        if episode.tree is not None:
+            self._tree(draw, episode.tree, view.grown)
+        if episode.predicted is not None and view.grown >= 1:
+            self._path(draw, episode.predicted, GHOST + "c0")
+        self._layer = (view.episode, view.grown), layer
+        return layer
 
-    def _dot(self, draw: ImageDraw.ImageDraw, point: Float[np.ndarray, " _"], radius: float, colour: str) -> None:
-        (x, y), r = self._pixels(point[None])[0], radius * _SHARP
-        draw.ellipse((x - r, y - r, x + r, y + r), fill=colour)
-
-    def _arena(self) -> Image.Image:
-        image = Image.new("RGB", (SIDE * _SHARP, SIDE * _SHARP), "#f7f9fb")
-        draw = ImageDraw.Draw(image, "RGBA")
-        for polygon in outlines(self.scene["obstacles"]):
-            draw.polygon(self._pixels(polygon), fill=OBSTACLE, outline="#a9b2bd", width=_SHARP)
-        for mark in marks(self.scene["goal"]):
-            self._mark(draw, mark)
-        return image
-
-    def _mark(self, draw: ImageDraw.ImageDraw, mark: Mark) -> None:
-        """A place with its radius, or the outline of a box; one to be out of has no filling."""
-        if "size" in mark:
-            colour, fill = (GOAL, GOAL + "28") if mark["kind"] != "outside" else (GRIPPER, None)
-            draw.polygon(self._pixels(shape(mark)), fill=fill, outline=colour, width=2 * _SHARP)
-            return
-        centre, radius = np.array(mark["position"]), mark["radius"] / self.half * SIDE / 2
-        self._dot(draw, centre, radius, GOAL + "40")
-        self._dot(draw, centre, 3, GOAL)
-        (x, y), r = self._pixels(centre[None])[0], radius * _SHARP
-        draw.ellipse((x - r, y - r, x + r, y + r), outline=GOAL, width=2 * _SHARP)
-
-    def _tree(self, draw: ImageDraw.ImageDraw, episode: Episode, grown: float, alpha: int) -> None:
-        tree = episode.tree
-        if tree is None:
-            return
+    def _tree(self, draw: ImageDraw.ImageDraw, tree: Branches, grown: float) -> None:
         count = max(1, round(grown * len(tree.points)))
+        alpha = 170 if grown < 1 else 80
         colours = np.asarray(TRUST(np.clip(2 * tree.trust[:count] - 1, 0, 1)) * 255).astype(int)
         for followed in range(tree.points.shape[1]):
-            pixels = self._pixels(tree.points[:count, followed])
+            pixels = self.stage.pixels(tree.points[:count, followed])
             for node in range(1, count):
                 line = [pixels[tree.parents[node]], pixels[node]]
-                draw.line(line, fill=(*colours[node, :3].tolist(), alpha), width=_SHARP)
+                draw.line(line, fill=(*colours[node, :3].tolist(), alpha), width=SHARP)
 
-    def _under(self, view: View) -> Image.Image:
-        """Background and tree; the full-grown tree of an episode is drawn once."""
-        episode = self.recording.episodes[view.episode]
-        if view.grown < 1:
-            image = self._background.copy()
-            self._tree(ImageDraw.Draw(image, "RGBA"), episode, view.grown, 150)
-            return image
-        if view.episode not in self._layers:
-            image = self._background.copy()
-            self._tree(ImageDraw.Draw(image, "RGBA"), episode, 1.0, 60)
-            self._layers = {view.episode: image}
-        return self._layers[view.episode].copy()
+    def _path(self, draw: ImageDraw.ImageDraw, states: Float[np.ndarray, "time state"], colour: str) -> None:
+        for point in self.points:
+            places = self.recording.layout.points_of(states)[:, point]
+            draw.line(self.stage.pixels(places), fill=colour, width=2 * SHARP)
 
     def arena(self, view: View) -> Image.Image:
-        """The arena in that view: tree, plan, trail, predicted and executed rope."""
-        image = self._under(view)
+        """The world in that view: tree, plan, trail, predicted and executed rope."""
+        image = self.stage.under(view)
+        layer = self._planned(view)
+        image.paste(layer, mask=layer)
         draw = ImageDraw.Draw(image, "RGBA")
-        episode = self.recording.episodes[view.episode]
-        for point in self.points:
-            if episode.predicted is not None and view.grown >= 1:
-                draw.line(self._pixels(episode.predicted[:, point]), fill=GHOST + "c0", width=2 * _SHARP)
-            if len(view.trail) > 1:
-                path = np.stack([rope[point] for rope in view.trail])
-                draw.line(self._pixels(path), fill=INK + "90", width=2 * _SHARP)
-        if view.ghost is not None:
-            self._rope(draw, view.ghost, GHOST + "d0", 10)
-        self._rope(draw, view.rope, ROPE, 7)
-        for point in self.points:
-            self._dot(draw, view.rope[point], 6, ROPE)
-        for gripper in view.grippers:
-            self._dot(draw, gripper, 7, GRIPPER)
+        if len(view.trail) > 1:
+            self._path(draw, np.stack(view.trail), INK + "90")
+        self.stage.over(draw, view)
         return image
 
-    def _rope(self, draw: ImageDraw.ImageDraw, rope: Float[np.ndarray, "point 3"], colour: str, width: int) -> None:
-        draw.line(self._pixels(rope), fill=colour, width=width * _SHARP, joint="curve")
-
     def draw(self, view: View) -> Image.Image:
-        """The panel: title and phase above, the arena, time and error below."""
-        image = Image.new("RGB", (SIDE * _SHARP, (HEAD + SIDE + FOOT) * _SHARP), PAPER)
+        """The panel: title and phase above, the arena, time and error below; of the same view, the same picture."""
+        if self._drawn is None or self._drawn[0] is not view:
+            self._drawn = view, self._draw(view)
+        return self._drawn[1]
+
+    def _draw(self, view: View) -> Image.Image:
+        image = Image.new("RGB", (SIDE * SHARP, (HEAD + SIDE + FOOT) * SHARP), PAPER)
         arena = self.arena(view)
-        image.paste(arena, (0, HEAD * _SHARP))
+        image.paste(arena, (0, HEAD * SHARP))
         draw = ImageDraw.Draw(image)
-        s = _SHARP
+        s = SHARP
         draw.rectangle((0, HEAD * s, SIDE * s - 1, (HEAD + SIDE) * s - 1), outline="#a9b2bd", width=s)
-        draw.text((0, 12 * s), self.recording.title, font=_font(21, bold=True), fill=INK)
+        draw.text((0, 12 * s), self.recording.title, font=font(21, bold=True), fill=INK)
         colour = OUTCOMES.get(view.phase, MUTED) if view.ended else MUTED
-        draw.text((SIDE * s, 16 * s), view.phase, font=_font(16, bold=view.ended), fill=colour, anchor="ra")
+        draw.text((SIDE * s, 16 * s), view.phase, font=font(16, bold=view.ended), fill=colour, anchor="ra")
         below = (HEAD + SIDE + 12) * s
         plans = counted(view.plans, "plan")
         text = f"{view.seconds:5.1f} s     {plans}     {100 * view.error_m:5.1f} cm to the goal"
         if view.ended:
             text = f"{self.recording.sentence}  {view.seconds:.1f} s, {plans}."
-        draw.text((0, below), text, font=_font(14), fill=INK)
+        draw.text((0, below), text, font=font(14), fill=INK)
         if view.trust is not None and not view.ended:
-            draw.text((SIDE * s, below), f"trust {view.trust:.2f}", font=_font(14), fill=MUTED, anchor="ra")
+            draw.text((SIDE * s, below), f"trust {view.trust:.2f}", font=font(14), fill=MUTED, anchor="ra")
         return image
 
 
-def _legend(width: int) -> Image.Image:
+def _legend(width: int, speed: float) -> Image.Image:
     """What the colours mean, for the foot of the picture."""
-    image = Image.new("RGB", (width * _SHARP, 34 * _SHARP), PAPER)
-    draw, font, x, s = ImageDraw.Draw(image), _font(12), 0.0, _SHARP
+    image = Image.new("RGB", (width * SHARP, 34 * SHARP), PAPER)
+    draw, letters, x, s = ImageDraw.Draw(image), font(12), 0.0, SHARP
     for colour, text in ((ROPE, "rope"), (GHOST, "predicted"), (GRIPPER, "gripper"), (GOAL, "goal")):
         draw.ellipse((x, 8 * s, x + 11 * s, 19 * s), fill=colour)
-        draw.text((x + 17 * s, 6 * s), text, font=font, fill=MUTED)
-        x += 17 * s + draw.textlength(text, font) + 16 * s
+        draw.text((x + 17 * s, 6 * s), text, font=letters, fill=MUTED)
+        x += 17 * s + draw.textlength(text, letters) + 16 * s
     for step in range(60):
         colour = tuple(int(255 * part) for part in TRUST(step / 59)[:3])
         draw.rectangle((x + step * s, 9 * s, x + (step + 1) * s, 18 * s), fill=colour)
-    draw.text((x + 68 * s, 6 * s), "tree, trust 0.5 to 1", font=font, fill=MUTED)
-    draw.text((width * s, 6 * s), f"{SPEED:g} x speed", font=font, fill=MUTED, anchor="ra")
+    draw.text((x + 68 * s, 6 * s), "tree, trust 0.5 to 1", font=letters, fill=MUTED)
+    draw.text((width * s, 6 * s), f"{speed:g} x speed", font=letters, fill=MUTED, anchor="ra")
     draw.line((0, 0, width * s, 0), fill=FAINT, width=s)
     return image
 
 
-def frame(panels: Sequence[Panel], shown: Sequence[View]) -> Image.Image:
-    """The panels side by side over the legend."""
+def together(panels: Sequence[Panel]) -> list[list[View]]:
+    """What the panels show, frame by frame; a trial that has ended keeps its last view."""
+    frames: list[list[View]] = []
+    for shown in zip_longest(*(views(panel.recording) for panel in panels)):
+        before = frames[-1] if frames else shown
+        frames.append([now or old for now, old in zip(shown, before, strict=True)])
+    return frames
+
+
+def frame(panels: Sequence[Panel], shown: Sequence[View], speed: float = SPEED) -> Image.Image:
+    """The panels side by side over the legend, which says how fast they play."""
     width = len(panels) * SIDE + (len(panels) + 1) * GAP
-    height = HEAD + SIDE + FOOT + 36
-    image = Image.new("RGB", (width * _SHARP, height * _SHARP), PAPER)
+    height = HEAD + SIDE + FOOT + LEGEND
+    image = Image.new("RGB", (width * SHARP, height * SHARP), PAPER)
     for number, (panel, view) in enumerate(zip(panels, shown, strict=True)):
-        image.paste(panel.draw(view), ((GAP + number * (SIDE + GAP)) * _SHARP, 0))
-    image.paste(_legend(width - 2 * GAP), (GAP * _SHARP, (height - 36) * _SHARP))
+        image.paste(panel.draw(view), ((GAP + number * (SIDE + GAP)) * SHARP, 0))
+    image.paste(_legend(width - 2 * GAP, speed), (GAP * SHARP, (height - LEGEND) * SHARP))
     return image.resize((width, height), Image.Resampling.BOX)
 
 
-def write_video(path: Path, panels: Sequence[Panel]) -> None:
-    """Write an MP4 of the trials playing side by side; one that has ended keeps its last view."""
+def write_frames(path: Path, frames: Iterable[Image.Image]) -> None:
+    """Write an MP4; all frames have the same size."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    width, height = len(panels) * SIDE + (len(panels) + 1) * GAP, HEAD + SIDE + FOOT + 36
+    coming = iter(frames)
+    first = next(coming)
     writer = imageio_ffmpeg.write_frames(
-        str(path), (width, height), fps=FPS, codec="libx264", macro_block_size=2,
+        str(path), first.size, fps=FPS, codec="libx264", macro_block_size=2,
         output_params=["-crf", "24", "-preset", "fast", "-movflags", "+faststart"],
     )  # fmt: skip
     writer.send(None)
-    last: list[View | None] = [None] * len(panels)
-    for shown in zip_longest(*(views(panel.recording) for panel in panels)):
-        last = [new or old for new, old in zip(shown, last, strict=True)]
-        writer.send(np.asarray(frame(panels, [view for view in last if view is not None])).tobytes())
+    for image in chain([first], coming):
+        writer.send(np.asarray(image).tobytes())
     writer.close()
+
+
+def write_video(path: Path, panels: Sequence[Panel]) -> None:
+    """Write an MP4 of the trials playing side by side."""
+    write_frames(path, (frame(panels, shown) for shown in together(panels)))
 
 
 def write_gif(video: Path, path: Path, width: int = 720, fps: int = 10) -> None:
     """A small moving GIF of a video, for pages that show no MP4."""
     palette = "split[a][b];[a]palettegen=max_colors=64[p];[b][p]paletteuse=dither=none"
-    chain = f"fps={fps},scale={width}:-1:flags=lanczos,{palette}"
-    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", "-y", "-i", str(video), "-vf", chain, str(path)]
+    filters = f"fps={fps},scale={width}:-1:flags=lanczos,{palette}"
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", "-y", "-i", str(video), "-vf", filters, str(path)]
     subprocess.run(command, check=True, timeout=300)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from fairlead.core.marks import followed
 from fairlead.core.traces import read_trace
 from fairlead.report.playback import recording
 from fairlead.report.sources import TrialSet
+from fairlead.report.stage import SIDE, Cameras
 from fairlead.report.video import Panel, write_gif, write_video
 
 BASELINE = "accept-all"
@@ -32,14 +34,22 @@ class Clip:
         return "data:video/mp4;base64," + base64.b64encode(self.path.read_bytes()).decode()
 
 
-def panel(trace_folder: Path, scene: Mapping[str, Any], title: str) -> Panel:
-    """A trial's part of a video, from its trace and its scene (as a scene file writes it)."""
-    trace = read_trace(trace_folder)
-    points = followed(scene["goal"], trace.layout)
-    return Panel(recording(trace, title, points), scene, points)
+@contextmanager
+def panels(
+    scenario: str, scene: Mapping[str, Any], traces: Mapping[str, Path], cameras: Cameras
+) -> Iterator[list[Panel]]:
+    """The parts of a video of trials in one scene (as a scene file writes it), from their traces by title."""
+    with ExitStack() as opened:
+        found = []
+        for title, folder in traces.items():
+            trace = read_trace(folder)
+            points = followed(scene["goal"], trace.layout)
+            camera = opened.enter_context(cameras(scenario, scene, SIDE))
+            found.append(Panel(recording(trace, title, points), scene, points, camera))
+        yield found
 
 
-def _traced(trials: TrialSet, method: str) -> dict[tuple[str, int], dict[str, Any]]:
+def traced(trials: TrialSet, method: str) -> dict[tuple[str, int], dict[str, Any]]:
     """The rows of a method whose traces were kept, by scene and seed."""
     rows = trials.rows_of.get(method, [])
     return {(r["scene"], r["seed"]): r for r in rows if trials.trace(method, r["scene"], r["seed"])}
@@ -52,7 +62,7 @@ def choose(trials: TrialSet) -> list[tuple[str, list[str], tuple[str, int]]]:
     of the reference.
     """
     method = trials.reference
-    ours, theirs = _traced(trials, method), _traced(trials, BASELINE)
+    ours, theirs = traced(trials, method), traced(trials, BASELINE)
     both = [key for key in ours if key in theirs and method != BASELINE]
     chosen: list[tuple[str, list[str], tuple[str, int]]] = []
     told = [key for key in both if ours[key]["success"] and not theirs[key]["success"]]
@@ -68,14 +78,15 @@ def choose(trials: TrialSet) -> list[tuple[str, list[str], tuple[str, int]]]:
     return chosen
 
 
-def make_videos(trials: TrialSet, folder: Path, name: str) -> list[Clip]:
+def make_videos(trials: TrialSet, folder: Path, name: str, cameras: Cameras) -> list[Clip]:
     """Write the videos of a set of trials, and a moving GIF of the first."""
     scenes = {scene["name"]: scene for scene in trials.scenes}
     clips = []
     for number, (caption, methods, (scene, seed)) in enumerate(choose(trials)):
-        traces = [trials.folder / "traces" / method / f"{scene}-{seed}" for method in methods]
+        traces = {method: trials.folder / "traces" / method / f"{scene}-{seed}" for method in methods}
         path = folder / f"{name}-{number}.mp4"
-        write_video(path, [panel(trace, scenes[scene], m) for trace, m in zip(traces, methods, strict=True)])
+        with panels(trials.config["scenario"], scenes[scene], traces, cameras) as side_by_side:
+            write_video(path, side_by_side)
         gif = path.with_suffix(".gif") if number == 0 else None
         if gif is not None:
             write_gif(path, gif)

@@ -9,6 +9,7 @@ from fairlead.evaluation.bench import TrialsConfig
 from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
 from fairlead.evaluation.trials import Trials
 from fairlead.report.page import write_report
+from fairlead.reproduce.cameras import camera
 from fairlead.reproduce.line import Bar
 
 SCENES, BUDGET = 2, Budget(seconds=20)
@@ -22,10 +23,17 @@ def demo(out: Path, workers: int, bar: Bar) -> Path:
     Raises:
         FairleadError: no models come with the package, or a folder in `out` holds something else.
     """
-    for scenario, methods in METHODS.items():
-        config = TrialsConfig(scenario, shipped_models(scenario), benchmark_scenes(scenario), methods, BUDGET,
-                              limit=SCENES, traced=SCENES, reference=methods[0])  # fmt: skip
-        trials = Trials(config, out / "trials" / scenario)
-        with bar(f"{scenario} trials", len(trials.missing), "trials") as advance:
-            trials.run(workers, lambda row: advance(1))
-    return write_report([out / "trials"], out / "report")
+    for scenario in METHODS:
+        try_methods(scenario, SCENES, BUDGET, out / "trials" / scenario, workers, bar)
+    return write_report([out / "trials"], out / "report", cameras=camera)
+
+
+def try_methods(scenario: str, scenes: int, budget: Budget, out: Path, workers: int, bar: Bar) -> Path:
+    """Try the methods of a scenario on its first benchmark scenes, every trial with its trace; `out` is returned."""
+    methods = METHODS[scenario]
+    config = TrialsConfig(scenario, shipped_models(scenario), benchmark_scenes(scenario), methods, budget,
+                          limit=scenes, traced=scenes, reference=methods[0])  # fmt: skip
+    trials = Trials(config, out)
+    with bar(f"{scenario} trials", len(trials.missing), "trials") as advance:
+        trials.run(workers, lambda row: advance(1))
+    return out

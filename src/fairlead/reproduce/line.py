@@ -13,6 +13,7 @@ from fairlead.evaluation.trials import Trials
 from fairlead.learning.registry import use_threads
 from fairlead.report.page import write_report
 from fairlead.reproduce import stages
+from fairlead.reproduce.cameras import camera
 from fairlead.reproduce.presets import Preset
 from fairlead.scenarios.generate import generate
 from fairlead.scenarios.scenario import Scenario
@@ -48,7 +49,7 @@ def reproduce(scenario: Scenario, preset: Preset, out: Path, seed: int, threads:
     trials = Trials(config, out / "trials")
     with bar(f"{scenario.name} trials", len(trials.missing), "trials") as advance:
         trials.run(threads, lambda row: advance(1))
-    return write_report([out], out / "report", videos=preset.videos)
+    return write_report([out], out / "report", videos=preset.videos, cameras=camera)
 
 
 def _scenes(scenario: Scenario, out: Path, seed: int) -> Path:

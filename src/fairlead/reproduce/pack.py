@@ -88,7 +88,8 @@ def _readme(scenario: Scenario, models: Models, packed: Mapping[str, Packed]) ->
         "Each model's `card.md` tells what was measured on its test data, its settings and what it was trained on; "
         "`metrics.json` has every number. The change is of a prediction [m] or of a probability.",
         "",
-        f"Limits: trained in simulation, on the rope, the motions and the obstacles of `{scenario.name}` alone; for another "
-        "rope, robot or world they are guesses, trust included. Trust and recovery belong to the dynamics beside them.",
+        f"Limits: trained in simulation, on the rope, the motions and the obstacles of `{scenario.name}` alone; for "
+        "another rope, robot or world they are guesses, trust included. "
+        "Trust and recovery belong to the dynamics beside them.",
         "",
     ])  # fmt: skip

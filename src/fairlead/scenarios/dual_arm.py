@@ -95,7 +95,7 @@ class DualArm(Scenario):
         spec.visual.headlight.ambient = [0.3, 0.3, 0.3]
         spec.visual.headlight.diffuse = [0.3, 0.3, 0.3]
         spec.visual.headlight.specular = [0.0, 0.0, 0.0]
-        spec.visual.quality.shadowsize = 4096
+        spec.visual.quality.shadowsize = 2048
         return spec.compile()
 
     def random_start(self, rng: np.random.Generator) -> Float[np.ndarray, " state"]:

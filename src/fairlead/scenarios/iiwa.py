@@ -37,7 +37,7 @@ MIRROR = np.array([-1, 1, -1, 1, -1, 1, -1])
 """Joint angles of the right arm in the mirror image of a posture of the left one."""
 SITES = ("left_grip", "right_grip")
 Colour = tuple[float, float, float, float]
-GREY, DARK = (0.80, 0.82, 0.84, 1.0), (0.25, 0.27, 0.30, 1.0)
+GREY, DARK = (0.80, 0.82, 0.84, 1.0), (0.60, 0.63, 0.67, 1.0)
 
 
 def add_torso(spec: mujoco.MjSpec) -> None:

@@ -23,11 +23,11 @@ from fairlead.geometry.shapes import Box, Obstacle
 from fairlead.scenarios.arms import Arms
 
 Colour = tuple[float, float, float, float]
-ROPE: Colour = (0.93, 0.42, 0.16, 1.0)
-GHOST: Colour = (0.20, 0.55, 0.95, 0.45)
-GRIPPER: Colour = (0.15, 0.17, 0.20, 1.0)
-GOAL: Colour = (0.20, 0.70, 0.35, 0.55)
-VOLUME: Colour = (0.20, 0.70, 0.35, 0.18)
+ROPE: Colour = (0.11, 0.15, 0.20, 1.0)
+GHOST: Colour = (0.90, 0.62, 0.00, 0.60)
+GRIPPER: Colour = (0.80, 0.20, 0.07, 1.0)
+GOAL: Colour = (0.00, 0.62, 0.45, 0.55)
+VOLUME: Colour = (0.00, 0.62, 0.45, 0.18)
 FORBIDDEN: Colour = (0.80, 0.20, 0.07, 0.75)
 EDGE = 0.003
 """Radius of the edges of a drawn box [m]."""
@@ -48,6 +48,7 @@ class SceneRenderer:
         width, height: of a frame [pixels].
         arms: that hold the grippers, or None.
         colours: of obstacles, by name; the others are grey.
+        shadows: whether there are any; without a graphics card they take most of the time.
     """
 
     def __init__(
@@ -61,6 +62,7 @@ class SceneRenderer:
         height: int = 800,
         arms: Arms | None = None,
         colours: Mapping[str, Colour] | None = None,
+        shadows: bool = True,
     ) -> None:
         backdrop.vis.global_.offwidth = max(backdrop.vis.global_.offwidth, width)
         backdrop.vis.global_.offheight = max(backdrop.vis.global_.offheight, height)
@@ -72,8 +74,10 @@ class SceneRenderer:
             ) from None
         self._data = mujoco.MjData(backdrop)
         mujoco.mj_forward(backdrop, self._data)
+        self._view, self._aspect = backdrop.camera("view").id, width / height
+        self._fovy = float(backdrop.cam_fovy[self._view])
         self._layout, self._radius, self._obstacles, self._goal = layout, rope_radius, obstacles, goal
-        self._arms, self._colours = arms, colours or {}
+        self._arms, self._colours, self._shadows = arms, colours or {}, shadows
 
     def __enter__(self) -> SceneRenderer:
         return self
@@ -86,6 +90,7 @@ class SceneRenderer:
     ) -> UInt8[np.ndarray, "height width 3"]:
         """One picture of a state; `ghost` is a second one (a prediction), drawn translucent."""
         self._renderer.update_scene(self._data, camera="view")
+        self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._shadows
         for obstacle in self._obstacles:
             colour = self._colours.get(obstacle.name, OBSTACLE)
             for i, box in enumerate(obstacle.boxes):
@@ -101,6 +106,13 @@ class SceneRenderer:
             for start, end, radius in zip(*self._arms.capsules(joints[0]), strict=True):
                 self._capsule(start, end, radius, ARM)
         return self._renderer.render()
+
+    def project(self, points: Float[np.ndarray, "point 3"]) -> Float[np.ndarray, "point 2"]:
+        """Where points [m] are in a frame: right and down, from 0 to 1."""
+        turn = self._data.cam_xmat[self._view].reshape(3, 3)
+        x, y, z = ((points - self._data.cam_xpos[self._view]) @ turn).T  # the camera looks along -z
+        high = -2 * z * np.tan(np.radians(self._fovy) / 2)
+        return np.stack([0.5 + x / (high * self._aspect), 0.5 - y / high], axis=-1)
 
     def _mark(self, mark: Mark) -> None:
         """A ball, a box to be in, or the edges of a box to be out of."""

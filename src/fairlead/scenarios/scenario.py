@@ -116,7 +116,7 @@ class Scenario(ABC):
             self.validate(scene)
         return scenes
 
-    def renderer(self, scene: Scene, width: int = 800, height: int = 800) -> SceneRenderer:
+    def renderer(self, scene: Scene, width: int = 800, height: int = 800, shadows: bool = True) -> SceneRenderer:
         """Draws states of a scene."""
         goal = marks(scene.goal.written())
         return SceneRenderer(
@@ -129,6 +129,7 @@ class Scenario(ABC):
             height,
             self.arms,
             self.colours,
+            shadows,
         )
 
 

@@ -107,6 +107,11 @@ def read_scenes(path: Path, scenario: str, layout: StateLayout) -> SceneSet:
     return SceneSet(path.stem, scenario, scenes)
 
 
+def scene_from(value: Mapping[str, Any], layout: StateLayout) -> Scene:
+    """The scene that `written` or a scene file has as `value`; FileFormatError where it is none."""
+    return _read_scene(Reader(Path("scene"), json.loads(json.dumps(value))), layout)
+
+
 def write_scenes(path: Path, scenario: str, scenes: Sequence[Scene], source: str) -> None:
     """Write scenes in the format that `read_scenes` reads; `source` says where they come from."""
     write_atomic(

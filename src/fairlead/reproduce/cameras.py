@@ -1,0 +1,29 @@
+"""The camera that videos are seen through: the renderer, where a top view would hide what matters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from typing import Any
+
+from fairlead.core.errors import FairleadError
+from fairlead.report.stage import Camera
+from fairlead.scenarios.registry import scenario as find_scenario
+from fairlead.scenarios.scene_files import scene_from
+
+
+@contextmanager
+def camera(scenario: str, scene: Mapping[str, Any], side: int, shadows: bool = False) -> Iterator[Camera | None]:
+    """A renderer of the scene with that side [pixels].
+
+    None where everything moves in a plane, which is seen best from above, and where nothing can be rendered: a video
+    from above is better than none.
+    """
+    world = find_scenario(scenario)
+    placed = scene_from(scene, world.layout)
+    with ExitStack() as opened:
+        found = None
+        if not world.sampler.planar:
+            with suppress(FairleadError):
+                found = opened.enter_context(world.renderer(placed, side, side, shadows))
+        yield found
