@@ -87,7 +87,7 @@ class TopView(Stage):
         return list(map(tuple, scaled.tolist()))
 
     def _rope(self, draw: ImageDraw.ImageDraw, state: Float[np.ndarray, " state"], colour: str, width: int) -> Pixels:
-        rope = self.pixels(self._layout.points_of(state))
+        rope = self.pixels(self._layout.object_of(state))
         draw.line(rope, fill=colour, width=width * SHARP, joint="curve")
         return rope
 

@@ -79,7 +79,7 @@ class Panel:
 
     def _path(self, draw: ImageDraw.ImageDraw, states: Float[np.ndarray, "time state"], colour: str) -> None:
         for point in self.points:
-            places = self.recording.layout.points_of(states)[:, point]
+            places = self.recording.layout.object_of(states)[:, point]
             draw.line(self.stage.pixels(places), fill=colour, width=2 * SHARP)
 
     def arena(self, view: View) -> Image.Image:
