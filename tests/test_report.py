@@ -87,9 +87,16 @@ def test_outline_is_the_turned_rectangle(yaw: float, a: float, b: float) -> None
     box = {"size": [a, b, 1], "position": [0.3, -0.2, 0], "quaternion_xyzw": [0, 0, np.sin(yaw / 2), np.cos(yaw / 2)]}
     corners = outline(box)
     assert corners.mean(axis=0) == pytest.approx([0.3, -0.2])
-    sides = np.linalg.norm(np.diff(corners, axis=0), axis=1)
-    assert sides == pytest.approx([a, b, a])
-    assert np.arctan2(*(corners[1] - corners[0])[::-1]) == pytest.approx(yaw, abs=1e-6)
+    sides = np.roll(corners, -1, axis=0) - corners
+    assert sorted(np.linalg.norm(sides, axis=1)) == pytest.approx(sorted([a, a, b, b]))
+    along = np.abs(sides @ [np.cos(yaw), np.sin(yaw)])
+    assert sorted(along) == pytest.approx([0, 0, a, a], abs=1e-6)
+
+
+def test_the_outline_of_a_box_on_its_side_is_what_is_seen_of_it() -> None:
+    half = float(np.sqrt(0.5))
+    box = {"size": [0.2, 0.1, 0.6], "position": [0, 0, 0], "quaternion_xyzw": [half, 0, 0, half]}
+    assert outline(box).max(axis=0) == pytest.approx([0.1, 0.3])
 
 
 def made_up_recording(scene: dict[str, Any], steps: tuple[int, ...], rng: np.random.Generator) -> Recording:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,14 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.patches import Circle, Polygon
+from scipy.spatial import ConvexHull
 
 from fairlead.core.marks import Mark, marks
 from fairlead.report.style import GOAL, GRIPPER, OBSTACLE, ROPE
 
 
-def outline(box: Mapping[str, Any]) -> Float[np.ndarray, "4 2"]:
-    """Corners [m] of a box's top face, seen from above; `box` is as a scene file writes it."""
+def outline(box: Mapping[str, Any]) -> Float[np.ndarray, "corner 2"]:
+    """Corners [m] of a box seen from above, in order around it; `box` is as a scene file writes it."""
     x, y, z, w = box["quaternion_xyzw"]
     turn = np.array(
         [
@@ -24,11 +26,13 @@ def outline(box: Mapping[str, Any]) -> Float[np.ndarray, "4 2"]:
             [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
         ]
     )
-    corners = np.array([[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]]) * np.array(box["size"]) / 2
-    return corners @ turn.T + np.array(box["position"][:2])
+    corners = np.array(list(product((-0.5, 0.5), repeat=3))) * box["size"] @ turn.T + box["position"][:2]
+    # An upright box has each corner twice, but for rounding.
+    seen = np.unique(corners.round(9), axis=0)
+    return seen[ConvexHull(seen).vertices]
 
 
-def outlines(obstacles: Iterable[Mapping[str, Any]]) -> list[Float[np.ndarray, "4 2"]]:
+def outlines(obstacles: Iterable[Mapping[str, Any]]) -> list[Float[np.ndarray, "corner 2"]]:
     """Outlines of every box of a scene's obstacles."""
     return [outline(box) for obstacle in obstacles for box in obstacle["boxes"]]
 
@@ -42,7 +46,7 @@ def view_of(scene: Mapping[str, Any]) -> tuple[Float[np.ndarray, " 2"], float]:
     return (low + high) / 2, float((high - low).max() / 2 + 0.15)
 
 
-def draw_obstacles(axes: Axes, polygons: Iterable[Float[np.ndarray, "4 2"]]) -> None:
+def draw_obstacles(axes: Axes, polygons: Iterable[Float[np.ndarray, "corner 2"]]) -> None:
     """Fill the outlines."""
     for polygon in polygons:
         axes.add_patch(Polygon(polygon, closed=True, facecolor=OBSTACLE, edgecolor="#a9b2bd", linewidth=0.6))
