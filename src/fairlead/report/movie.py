@@ -25,7 +25,7 @@ LONGEST_S = 11
 
 @dataclass(frozen=True)
 class Card:
-    """A few lines of text, shown for so many seconds."""
+    """A few lines of text, shown for so many seconds [s]."""
 
     title: str
     lines: tuple[str, ...]
@@ -48,9 +48,14 @@ def takes(trials: TrialSet, count: int) -> list[Take]:
     """The reference beside `accept-all` in so many scenes: first those where only the reference succeeds."""
     ours, theirs = traced(trials, trials.reference), traced(trials, BASELINE)
     ranks = {key: (not ours[key]["success"], theirs[key]["success"]) for key in ours if key in theirs}
-    words = {(False, False): "only the left one", (False, True): "both", (True, True): "only the right one"}
+    words = {
+        (False, False): "only the left one reaches the goal",
+        (False, True): "both reach the goal",
+        (True, False): "neither reaches the goal",
+        (True, True): "only the right one reaches the goal",
+    }
     return [
-        Take(trials, *key, (trials.reference, BASELINE), f"{words.get(ranks[key], 'neither')} reaches the goal")
+        Take(trials, *key, (trials.reference, BASELINE), words[ranks[key]])
         for key in sorted(ranks, key=lambda key: ranks[key])[:count]
     ]
 
@@ -59,7 +64,8 @@ def recoveries(trials: TrialSet, beside: tuple[str, ...]) -> list[Take]:
     """One trial of the reference in which it was stuck and recovered, a successful one if there is any."""
     ours = traced(trials, trials.reference)
     found = sorted((key for key in ours if ours[key]["recovery_actions"]), key=lambda key: not ours[key]["success"])
-    return [Take(trials, *key, (trials.reference,), "stuck, and free again", beside) for key in found[:1]]
+    words = {True: "stuck; after recovery it reaches the goal", False: "stuck; recovery does not lead to the goal"}
+    return [Take(trials, *key, (trials.reference,), words[ours[key]["success"]], beside) for key in found[:1]]
 
 
 def write_movie(

@@ -206,9 +206,8 @@ def _headline(sources: Sources) -> tuple[str, str]:
 
 
 def write_report(folders: Sequence[Path], out: Path, videos: bool = True, cameras: Cameras = no_camera) -> Path:
-    """Write the page, its figures, videos and Markdown tables into `out`; the page's path is returned.
+    """Write the page, figures, videos through `cameras` and Markdown tables into `out`; returns the page's path.
 
-    Videos are seen through `cameras`.
     What an earlier report there had written and this one has not is removed; whatever else is there stays.
 
     Raises:
@@ -217,13 +216,11 @@ def write_report(folders: Sequence[Path], out: Path, videos: bool = True, camera
     sources, earlier, save = find_sources(folders), _earlier(out), _Figures(out)
     sections: list[_Section | None] = []
     for trials in sources.trials:
-        name = trials.folder.name
-        clips = make_videos(trials, out / "videos", name, cameras) if videos else []
-        sections.append(_trial_section(trials, save, name, clips))
+        clips = make_videos(trials, out / "videos", cameras) if videos else []
+        sections.append(_trial_section(trials, save, trials.folder.name, clips))
     sections += [_learning_section(sources, save), _evidence_section(sources, save)]
     present = [section for section in sections if section is not None]
-    title, headline = _headline(sources)
-    provenance = _provenance(sources)
+    (title, headline), provenance = _headline(sources), _provenance(sources)
     loader = jinja2.PackageLoader("fairlead.report", "templates")
     template = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
     page = template.get_template("page.html").render(
@@ -240,7 +237,7 @@ def write_report(folders: Sequence[Path], out: Path, videos: bool = True, camera
         written |= {path for clip in section.clips for path in (clip.path, clip.gif) if path is not None}
     for path in earlier - written:
         path.unlink(missing_ok=True)
-    inputs = {str(t.folder.name): sha256(t.folder / MANIFEST) for t in sources.trials}
+    inputs = {t.folder.name: sha256(t.folder / MANIFEST) for t in sources.trials}
     files = {str(path.relative_to(out)): sha256(path) for path in sorted(written)}
     Manifest("report", {"folders": [folder.name for folder in folders]}, 0, files, inputs, {}).write(out)
     return out / PAGE

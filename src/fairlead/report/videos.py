@@ -78,13 +78,13 @@ def choose(trials: TrialSet) -> list[tuple[str, list[str], tuple[str, int]]]:
     return chosen
 
 
-def make_videos(trials: TrialSet, folder: Path, name: str, cameras: Cameras) -> list[Clip]:
+def make_videos(trials: TrialSet, folder: Path, cameras: Cameras) -> list[Clip]:
     """Write the videos of a set of trials, and a moving GIF of the first."""
     scenes = {scene["name"]: scene for scene in trials.scenes}
     clips = []
     for number, (caption, methods, (scene, seed)) in enumerate(choose(trials)):
         traces = {method: trials.folder / "traces" / method / f"{scene}-{seed}" for method in methods}
-        path = folder / f"{name}-{number}.mp4"
+        path = folder / f"{trials.folder.name}-{number}.mp4"
         with panels(trials.config["scenario"], scenes[scene], traces, cameras) as side_by_side:
             write_video(path, side_by_side)
         gif = path.with_suffix(".gif") if number == 0 else None
