@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -28,7 +27,7 @@ from fairlead.data.collect import CollectConfig, collect
 from fairlead.execution.trace import TraceFolder
 from fairlead.execution.trial import Protocol, Task, run_trial
 from fairlead.geometry.fields import BoxEnvironment
-from fairlead.geometry.goals import PointGoal
+from fairlead.geometry.goals import point_goal
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box, Obstacle
 from fairlead.learning.dynamics import DynamicsConfig
@@ -45,7 +44,7 @@ from fairlead.report.video import TRUST
 from fairlead.reproduce import stages
 from fairlead.scenarios.computed import ComputedWorld
 from fairlead.scenarios.scenario import Scenario
-from fairlead.scenarios.scene_files import GoalSpec, Scene
+from fairlead.scenarios.scene_files import Scene
 
 ROBOT = StateLayout(("robot",), points=0)
 """A state is where the robot is, an action where it is told to go."""
@@ -61,9 +60,6 @@ class Ground(Scenario):
     def environment(self, obstacles: Sequence[Obstacle]) -> BoxEnvironment:
         bounds = np.array([[-1.0, -1.0, -0.01], [1.0, 1.0, 0.01]])
         return BoxEnvironment([box for ice in obstacles for box in ice.boxes], bounds, resolution=0.02)
-
-    def goal(self, scene: Scene) -> PointGoal:
-        return PointGoal(ROBOT, 0, scene.goal.position, scene.goal.radius)
 
     def simulate(self, obstacles: Sequence[Sequence[Obstacle]], states: np.ndarray, threads: int = 1) -> ComputedWorld:
         maps = [self.environment(ice) for ice in obstacles]
@@ -87,7 +83,7 @@ class Ground(Scenario):
 
     def random_ice(self, rng: np.random.Generator) -> tuple[Obstacle, ...]:
         """Five patches that leave the left and the right edge dry."""
-        patches = [Box((*rng.uniform(0.3, 0.6, 2), 1.0), (0.0, 0.0, 0.0)) for _ in range(5)]
+        patches = [Box((*rng.uniform(0.3, 0.6, 2), 0.4), (0.0, 0.0, 0.0)) for _ in range(5)]
         turned = [p.moved((*rng.uniform((-0.5, -0.7), (0.5, 0.7)), 0.0), rng.uniform(0, np.pi)) for p in patches]
         return tuple(Obstacle("ice", (patch,)) for patch in turned)
 
@@ -98,7 +94,7 @@ class Ground(Scenario):
 
     def random_scene(self, rng: np.random.Generator, name: str) -> Scene:
         start, end = ((x, float(rng.uniform(-0.8, 0.8)), 0.0) for x in (-0.92, 0.92))
-        return Scene(name, self.random_ice(rng), {"robot": start}, (), GoalSpec("robot", end, radius=0.05))
+        return Scene(name, self.random_ice(rng), {"robot": start}, (), point_goal(ROBOT, "robot", end, 0.05))
 
 
 def learn(ground: Ground, folder: Path, count: int = 256) -> None:
@@ -114,7 +110,7 @@ def learn(ground: Ground, folder: Path, count: int = 256) -> None:
 def problem(ground: Ground, scene: Scene, folder: Path, check: TransitionCheck) -> Problem:
     """Where, whereto, with which model, and whom to trust."""
     dynamics = load_dynamics(folder / "dynamics", ground.name)
-    return Problem(ground.environment(scene.obstacles), ground.goal(scene), dynamics, check, ground.sampler)
+    return Problem(ground.environment(scene.obstacles), scene.goal, dynamics, check, ground.sampler)
 
 
 def drive(ground: Ground, scene: Scene, problem: Problem) -> Trace:
@@ -140,12 +136,12 @@ def draw(axes: Axes, problem: Problem, scene: Scene, trace: Trace) -> None:
     places = np.stack([*np.meshgrid(side, side), np.zeros((101, 101))], axis=-1).reshape(-1, 3)
     arena(axes)
     axes.imshow(trust_at(problem, places).reshape(101, 101), TRUST, origin="lower", extent=(-1, 1, -1, 1), alpha=0.5)
-    for patch in outlines(map(asdict, scene.obstacles)):
+    for patch in outlines(scene.written()["obstacles"]):
         axes.fill(*patch.T, facecolor="none", edgecolor="white", hatch="//", linewidth=1.2)
     driven = np.array([trace.start, *(action.state for action in trace.actions)])
     axes.plot(*driven.T[:2], ".-", color=INK, linewidth=3, label="driven")
     axes.plot(*trace.plans[0].states.T[:2], ":", color=PAPER, linewidth=1.5, label="first plan")
-    draw_goal(axes, asdict(scene.goal))
+    draw_goal(axes, scene.goal.written())
 
 
 def main(folder: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, final
+from typing import final
 
 import numpy as np
 
@@ -110,9 +110,6 @@ class FakeScenario(Scenario):
     def simulate_unconstrained(self, states: np.ndarray, threads: int = 1) -> FakeWorld:
         return self.simulate([()] * len(states), states, threads)
 
-    def backdrop(self) -> Any:
-        raise NotImplementedError
-
     def random_start(self, rng: np.random.Generator) -> np.ndarray:
         gripper = np.array([*rng.uniform(-0.5, 0.5, 2), 0.0])
         points = gripper + LINK * np.arange(LAYOUT.points, 0, -1)[:, None] * np.array([1.0, 0.0, 0.0])
@@ -134,6 +131,3 @@ class FakeScenario(Scenario):
         points = tuple(tuple(map(float, point)) for point in LAYOUT.points_of(state))
         goal = point_goal(LAYOUT, "tail", (*rng.uniform(-0.7, 0.7, 2), 0.0), 0.05)
         return Scene(name, self.random_obstacles(state, rng), {"gripper": tuple(map(float, state[:3]))}, points, goal)
-
-    def validate(self, scene: Scene) -> None:
-        """Any scene will do."""

@@ -28,6 +28,7 @@ from fairlead.data.recording import PROGRESS
 from fairlead.data.shards import SPLITS, Shard, read_shard, schema, split_of
 from fairlead.data.store import SCENES, load, scenes_from_json, shards_of
 from fairlead.data.verify import info, verify
+from fairlead.scenarios.dragging import Dragging
 from fairlead.scenarios.registry import SCENARIOS
 from fakes import LAYOUT, LINK, FakeScenario
 
@@ -56,7 +57,7 @@ def all_shards(folder: Path) -> list[Shard]:
 
 
 def test_every_trajectory_is_there_once_in_one_split(dataset: Path) -> None:
-    splits = [load(dataset, split) for split in SPLITS]
+    splits = [load(dataset, split, FakeScenario()) for split in SPLITS]
     assert sum(map(len, splits)) == CONFIG.trajectories
     episodes = np.concatenate([shard.episode for shard in all_shards(dataset)])
     assert sorted(episodes) == list(range(CONFIG.trajectories))
@@ -64,7 +65,7 @@ def test_every_trajectory_is_there_once_in_one_split(dataset: Path) -> None:
 
 
 def test_no_scene_and_no_lane_is_in_two_splits(dataset: Path) -> None:
-    scenes = [set(load(dataset, split).scene.tolist()) for split in SPLITS]
+    scenes = [set(load(dataset, split, FakeScenario()).scene.tolist()) for split in SPLITS]
     assert all(scenes)
     assert sum(map(len, scenes)) == len(set.union(*scenes))
     for shard in all_shards(dataset):
@@ -125,7 +126,7 @@ def test_fewer_trajectories_than_lanes(tmp_path: Path) -> None:
     manifest = collect(FakeScenario(), CollectConfig(1, 3), tmp_path / "d")
     assert manifest.extra["trajectories"] == 3
     with pytest.raises(ArtifactError, match="at least eight lanes"):
-        load(tmp_path / "d", "test")
+        load(tmp_path / "d", "test", FakeScenario())
 
 
 def test_a_finished_dataset_is_left_as_it_is_and_another_configuration_is_refused(dataset: Path) -> None:
@@ -158,7 +159,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bytes(tmp_path: Path, dataset: P
     with pytest.raises(KeyboardInterrupt):
         collect(FakeScenario(), CONFIG, tmp_path / "d", advance=interrupt_after(stop))
     with pytest.raises(ArtifactError, match="not a finished dataset"):
-        load(tmp_path / "d", "train")
+        load(tmp_path / "d", "train", FakeScenario())
     collect(FakeScenario(), CONFIG, tmp_path / "d")
     assert contents(tmp_path / "d") == contents(dataset)
 
@@ -278,7 +279,7 @@ def small(tmp_path: Path) -> Path:
 def test_verify_names_a_truncated_shard(small: Path) -> None:
     path = small / "shard-00001.parquet"
     path.write_bytes(path.read_bytes()[:100])
-    for read in (verify, lambda folder: load(folder, "train")):
+    for read in (verify, lambda folder: load(folder, "train", FakeScenario())):
         with pytest.raises(ArtifactError, match=r"shard-00001\.parquet: damaged"):
             read(small)
     manifest = json.loads((small / MANIFEST).read_text())
@@ -320,7 +321,9 @@ def test_info_needs_the_manifest_alone(small: Path) -> None:
 
 def test_mistakes_are_named(small: Path) -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'train'"):
-        load(small, "trian")
+        load(small, "trian", FakeScenario())
+    with pytest.raises(ArtifactError, match="scenario 'fake'; one of 'dragging'"):
+        load(small, "train", Dragging())
     for wrong in ({"phase": 3}, {"trajectories": 0}, {"lanes": 0}, {"steps": -1}):
         with pytest.raises(FairleadError, match=next(iter(wrong))):
             CollectConfig(**{"phase": 1, "trajectories": 8} | wrong)

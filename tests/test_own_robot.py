@@ -18,7 +18,7 @@ from fairlead.core.records import ActionOutcome, Prediction
 from fairlead.core.roles import Dynamics, Environment
 from fairlead.execution.trial import Protocol, Task, run_trial
 from fairlead.geometry.fields import BoxEnvironment
-from fairlead.geometry.goals import PointGoal
+from fairlead.geometry.goals import point_goal
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box
 from fairlead.planning.checks import CollisionCheck
@@ -69,7 +69,7 @@ def test_a_trial_brings_the_marker_around_a_post_to_its_goal() -> None:
 
     low, high = (-0.5, -0.5, 0.0), (0.5, 0.5, 0.6)
     environment = BoxEnvironment([Box((0.1, 0.4, 0.3), (0.2, 0.0, 0.15))], np.array([low, high]), resolution=0.02)
-    goal = PointGoal(LAYOUT, 0, (0.4, 0.0, 0.2), 0.05)
+    goal = point_goal(LAYOUT, "tail", (0.4, 0.0, 0.2), 0.05)
     sampler = RandomDisplacement(LAYOUT, 0.15, low, high, planar=False)
     problem = Problem(environment, goal, Carried(), CollisionCheck(LAYOUT, 0.01), sampler)
     task = Task(environment, goal, partial(BatchedRRT().plan, problem), NoRecovery())

@@ -32,7 +32,8 @@ from fairlead.reproduce.pack import pack
 from fairlead.reproduce.presets import preset
 from fairlead.scenarios.registry import scenario
 
-DRAGGING, SMOKE = scenario("dragging"), preset("dragging", "smoke")
+DRAGGING = scenario("dragging")
+SMOKE = preset(DRAGGING, "smoke")
 SCENES = DRAGGING.scenes(benchmark_scenes("dragging")).scenes
 PRETRAINED = sorted(Path(shipped.__file__).parents[1].glob("pretrained/*"))
 

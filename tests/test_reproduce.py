@@ -23,7 +23,7 @@ from fairlead.reproduce.presets import PRESETS, preset
 from fairlead.scenarios.registry import scenario
 
 DRAGGING = scenario("dragging")
-SMOKE = preset("dragging", "smoke")
+SMOKE = preset(DRAGGING, "smoke")
 
 
 @contextmanager
@@ -47,9 +47,10 @@ def test_every_method_was_tried_and_reported(line: Path) -> None:
 
 
 def test_the_dual_arm_takes_the_same_line(tmp_path: Path) -> None:
-    reproduce(scenario("dual_arm"), preset("dual_arm", "smoke"), tmp_path, 0, 2, _no_bar)
+    dual_arm = scenario("dual_arm")
+    reproduce(dual_arm, preset(dual_arm, "smoke"), tmp_path, 0, 2, _no_bar)
     rows = list(read_jsonl(tmp_path / "trials" / "trials.jsonl"))
-    assert {row["method"] for row in rows} == set(preset("dual_arm", "smoke").methods)
+    assert {row["method"] for row in rows} == set(preset(dual_arm, "smoke").methods)
     assert "trust+recovery" in (tmp_path / "report" / "report.html").read_text()
 
 
@@ -107,13 +108,14 @@ def test_data_of_another_stage_are_refused_by_name(line: Path, tmp_path: Path) -
 
 def test_names_of_presets() -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'desk'"):
-        preset("dragging", "dekc")
+        preset(DRAGGING, "dekc")
     assert set(PRESETS["dragging"]) == {"smoke", "desk", "paper"}
 
 
 @pytest.mark.parametrize("name", ["dragging", "dual_arm"])
 def test_the_paper_preset_has_the_papers_data(name: str) -> None:
-    sizes, world = preset(name, "paper"), scenario(name)
+    world = scenario(name)
+    sizes = preset(world, "paper")
     (first, _), (second, _) = world.paper_data
     assert (sizes.phase1, sizes.phase2, sizes.steps2, sizes.dynamics.members) == (first, second, 0, 8)
 
@@ -121,7 +123,7 @@ def test_the_paper_preset_has_the_papers_data(name: str) -> None:
 @pytest.mark.parametrize("size", ["desk", "paper"])
 @pytest.mark.parametrize("name", ["dragging", "dual_arm"])
 def test_full_dynamics_see_as_much_as_the_others_together(name: str, size: str) -> None:
-    sizes, ((_, steps1), (_, steps2)) = preset(name, size), scenario(name).paper_data
+    sizes, ((_, steps1), (_, steps2)) = preset(scenario(name), size), scenario(name).paper_data
     steps2 = sizes.steps2 or steps2
     assert sizes.full * steps2 == pytest.approx(sizes.phase1 * steps1 + sizes.phase2 * steps2, rel=0.01)
 

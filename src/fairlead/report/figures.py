@@ -101,7 +101,7 @@ def gallery(scenes: Sequence[Mapping[str, Any]], rows: Iterable[Row], columns: i
             arena(axes, *view_of(scene))
             draw_obstacles(axes, outlines(scene["obstacles"]))
             draw_goal(axes, scene["goal"])
-            draw_rope(axes, np.array(scene["rope"]), linewidth=1.4)
+            draw_rope(axes, np.array(scene["rope"] or list(scene["grippers"].values())), linewidth=1.4)
             axes.set_title(scene["name"], fontsize=6, fontweight="normal", color=MUTED, pad=2)
             if scene["name"] in outcome:
                 for spine in axes.spines.values():

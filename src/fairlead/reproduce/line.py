@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 
+from fairlead.core.errors import ArtifactError
 from fairlead.data.collect import CollectConfig, collect
 from fairlead.evaluation.bench import TrialsConfig
 from fairlead.evaluation.shipped import benchmark_scenes
@@ -54,9 +55,9 @@ def reproduce(scenario: Scenario, preset: Preset, out: Path, seed: int, threads:
 
 def _scenes(scenario: Scenario, out: Path, seed: int) -> Path:
     """The benchmark scenes; where none come with the package, random ones in `out`."""
-    benchmark, path = benchmark_scenes(scenario.name), out / "scenes.json"
-    if benchmark.exists():
-        return benchmark
+    with suppress(ArtifactError):
+        return benchmark_scenes(scenario.name)
+    path = out / "scenes.json"
     if not path.exists():
         scenes = generate(scenario, "random", SCENES, seed)
         write_scenes(path, scenario.name, scenes, f"fairlead scenes {scenario.name}, random, seed {seed}")

@@ -160,7 +160,9 @@ def plain_backdrop(bounds: Float[np.ndarray, "2 3"]) -> mujoco.MjModel:
     spec = mujoco.MjSpec()
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[half, half, 0.1], pos=[x, y, bounds[0, 2]],
                             rgba=[0.93, 0.94, 0.95, 1])  # fmt: skip
-    spec.worldbody.add_light(pos=[x, y, 3 * half], dir=[0, 0, -1])
+    spec.worldbody.add_light(pos=[x + half, y - half, 3 * half], dir=[-0.3, 0.3, -1], diffuse=[0.4, 0.4, 0.4])
+    spec.visual.headlight.ambient = spec.visual.headlight.diffuse = [0.3, 0.3, 0.3]
+    spec.visual.headlight.specular = [0, 0, 0]
     spec.worldbody.add_camera(name="view", pos=[x, y, bounds[1, 2] + 2.6 * half], fovy=45)
     return spec.compile()
 

@@ -39,7 +39,7 @@ class Scenario(ABC):
     layout: StateLayout
     sampler: RandomDisplacement
     unconstrained_sampler: RandomDisplacement
-    rope_radius: float = 0.0
+    rope_radius: float = 0.01
     """How thick the object is about its points [m]."""
     link_length: float = math.inf
     """How far apart two neighbouring points of the object can be [m]."""
