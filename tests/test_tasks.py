@@ -45,7 +45,7 @@ def test_a_task_takes_what_its_base_has_learned(name: str) -> None:
     assert task.kin == (name, base.name)
     assert base.kin == (base.name,)
     assert (task.layout, task.rope_radius, task.link_length) == (base.layout, base.rope_radius, base.link_length)
-    assert preset(task.base or "", "smoke")
+    assert preset(task, "smoke") == preset(base, "smoke")
 
 
 def test_the_cable_ends_behind_the_printer_and_the_phone_lies_before_it() -> None:
