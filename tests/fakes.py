@@ -42,6 +42,7 @@ class FakeWorld(SimulatedWorld):
         self._boxes = [[box for obstacle in row for box in obstacle.boxes] for row in obstacles]
         self._states, self._fragile, self._steps = states.astype(float), fragile, 0
         self._sent: dict[int, np.ndarray | None] = {}
+        self._order = np.random.default_rng(abs(int(1e9 * states.sum())))
 
     @property
     def layout(self) -> StateLayout:
@@ -66,8 +67,9 @@ class FakeWorld(SimulatedWorld):
         self._sent |= dict(zip(ids.tolist(), actions, strict=True))
 
     def receive(self) -> tuple[np.ndarray, Executed]:
-        """One copy after the other, the last one sent first."""
-        index, action = self._sent.popitem()
+        """One copy after the other, in an order that is another one in the next world."""
+        index = int(self._order.choice(list(self._sent)))
+        action = self._sent.pop(index)
         ids = np.array([index])
         if action is None:
             return ids, Executed(self._states[ids], np.zeros(1), np.zeros(1, int))
