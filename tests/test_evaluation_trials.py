@@ -183,7 +183,7 @@ def test_traces_are_kept_where_asked(config: TrialsConfig, finished: Path) -> No
     assert Counter(action.outcome.label for action in trace.actions) == row["action_outcomes"]
     last = list(views(recording(trace, "accept-all", 0)))[-1]
     assert last.phase == row["outcome"]
-    np.testing.assert_allclose(last.rope, trace.layout.points_of(trace.actions[-1].state))
+    np.testing.assert_allclose(last.state, trace.actions[-1].state)
 
 
 def test_the_reference_stays_until_another_is_stated(config: TrialsConfig, finished: Path, tmp_path: Path) -> None:
