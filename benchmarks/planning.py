@@ -32,11 +32,12 @@ class Nowhere(Goal):
     def __init__(self, goal: Goal) -> None:
         self._goal = goal
 
+    @property
+    def tolerance(self) -> float:
+        return -1.0
+
     def error(self, states: Float[np.ndarray, "*batch state"]) -> Float[np.ndarray, "*batch"]:
         return self._goal.error(states)
-
-    def reached(self, states: Float[np.ndarray, "*batch state"]) -> np.ndarray:
-        return np.zeros(states.shape[:-1], bool)
 
     def sample(
         self, states: Float[np.ndarray, "batch state"], rng: np.random.Generator

@@ -24,7 +24,7 @@ class Command:
     """Scene file; by default the benchmark scenes that come with Fairlead."""
     models: Path | None = None
     """Folder of trained models; by default those that come with Fairlead."""
-    methods: str = "trust,accept-all"
+    methods: str = "trust-sdf,accept-all"
     """Names, separated by commas."""
     reference: str | None = None
     """The method that is compared with each of the others. By default the one stated for these trials before, else the
