@@ -25,11 +25,11 @@ from fairlead.geometry.goals import KINDS, SceneGoal, point_goal, read_goal
 from fairlead.planning.ompl import OmplRRT
 from fairlead.planning.rrt import BatchedRRT
 from fairlead.report.drawing import draw_goal, view_of
-from fairlead.report.playback import Recording
-from fairlead.report.video import Panel
+from fairlead.report.stage import TopView
 from fairlead.reproduce.line import benchmark_scenes
 from fairlead.scenarios.dragging import Dragging
 from fairlead.scenarios.dual_arm import DualArm
+from fairlead.scenarios.registry import scenario
 from fairlead.scenarios.render import SceneRenderer
 from fairlead.scenarios.scene_files import read_scenes, write_scenes
 from toy import LAYOUT as TOY
@@ -147,7 +147,7 @@ def test_goals_survive_the_round_trip_through_a_scene_file(written: dict[str, An
 @pytest.mark.parametrize("file", sorted(benchmark_scenes("dragging").parent.glob("*.json")), ids=lambda f: f.stem)
 def test_every_scene_file_that_comes_with_the_package_is_read_and_written_as_it_is(file: Path) -> None:
     content = json.loads(file.read_text())
-    scenes = read_scenes(file, content["scenario"], (Dragging if content["scenario"] == "dragging" else DualArm).layout)
+    scenes = read_scenes(file, content["scenario"], scenario(content["scenario"]).layout)
     assert json.loads(json.dumps([scene.written() for scene in scenes.scenes])) == content["scenes"]
 
 
@@ -210,9 +210,8 @@ def test_every_kind_is_drawn(written: dict[str, Any]) -> None:
     assert len(axes.patches) == len(marks(written))
     centre, half = view_of(scene)
     assert (np.abs(np.array([mark.get("position") for mark in marks(written)])[:, :2] - centre) <= half).all()
-    pictures = [Panel(Recording("", (), "", ""), shown, (0,)) for shown in (scene, bare)]
-    pictures[1].centre, pictures[1].half = pictures[0].centre, pictures[0].half
-    drawn, empty = (np.asarray(picture._arena()) for picture in pictures)
+    stage = TopView(scene, layout, (0,))
+    drawn, empty = (np.asarray(stage._arena(shown)) for shown in (scene, bare))
     assert (drawn != empty).any()
     with_goal, without = (
         SceneRenderer(Dragging().backdrop(), Dragging.layout, 0.02, (), goal, 64, 64) for goal in (marks(written), ())

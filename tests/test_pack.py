@@ -27,6 +27,7 @@ from fairlead.learning.recovery import RecoveryConfig, RecoveryHead
 from fairlead.learning.registry import load_dynamics
 from fairlead.learning.trust import build_network
 from fairlead.learning.trust_network import TrustConfig
+from fairlead.reproduce import demo
 from fairlead.reproduce import pack as packing
 from fairlead.reproduce.pack import pack
 from fairlead.reproduce.presets import preset
@@ -166,7 +167,7 @@ def test_models_that_do_not_come_with_the_package_are_asked_for_in_one_line(
 ) -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'dragging'"):
         shipped_models("draging")
-    monkeypatch.setattr(shipped.resources, "files", lambda package: tmp_path)
+    monkeypatch.setattr(shipped, "_PACKAGE", tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["fairlead", "plan", "dragging", "--scene", "s", "--trace", "t"])
     with pytest.raises(SystemExit, match="2"):
@@ -180,8 +181,8 @@ def test_models_that_do_not_come_with_the_package_are_asked_for_in_one_line(
 def test_the_models_that_come_with_the_package_are_whole_and_small(folder: Path) -> None:
     models = Models(folder, scenario(folder.name))
     scene = models.scenario.scenes(benchmark_scenes(folder.name)).scenes[0]
-    for name in ("dynamics", "full-dynamics", "trust", "trust-sdf", "recovery", "recovery-sdf"):
-        verify_files(folder / name, read_manifest(models.folder_of(name), "model"))
-    for method in METHODS:
+    for model in folder.glob("*/manifest.json"):
+        verify_files(model.parent, read_manifest(models.folder_of(model.parent.name), "model"))
+    for method in demo.METHODS[folder.name]:
         Parts(models).build(find_method(method), scene)
     assert sum(path.stat().st_size for path in folder.parent.rglob("*") if path.is_file()) < 30e6
