@@ -100,13 +100,23 @@ def test_extensions_exhaust_their_budget_at_the_count_and_time_does_not() -> Non
     assert meter.exhausted
 
 
-@given(grippers=st.integers(1, 3), points=st.integers(1, 30), batch=st.lists(st.integers(0, 3), max_size=2))
+@given(grippers=st.integers(1, 3), points=st.integers(0, 30), batch=st.lists(st.integers(0, 3), max_size=2))
 def test_layout_round_trip(grippers: int, points: int, batch: list[int]) -> None:
     layout = StateLayout(tuple(f"g{i}" for i in range(grippers)), points)
     states = np.random.default_rng(0).normal(size=(*batch, layout.state_size))
     np.testing.assert_array_equal(layout.join(layout.grippers_of(states), layout.points_of(states)), states)
     assert layout.state_size == 3 * (grippers + points)
     assert layout.action_size == 3 * grippers
+    assert sum(layout.parts) == layout.state_size
+
+
+def test_a_robot_that_holds_nothing_is_its_own_object() -> None:
+    layout, states = StateLayout(("one", "other"), 0), np.arange(12.0).reshape(2, 6)
+    np.testing.assert_array_equal(layout.object_of(states), layout.grippers_of(states))
+    assert [layout.held(layout.index(name)) for name in layout.grippers] == [0, 1]
+    for target in ("tail", 0):
+        with pytest.raises(UnknownNameError, match=r"allowed: one, other$"):
+            layout.index(target)
 
 
 @pytest.mark.parametrize("kind", [ActionOutcome, PlanOutcome, TrialOutcome])

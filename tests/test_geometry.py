@@ -182,6 +182,12 @@ def test_model_error_is_a_norm_over_the_rope_that_ignores_grippers(seed: int) ->
     np.testing.assert_allclose(point_error(LAYOUT, one, shifted), 0.5)
 
 
+def test_without_an_object_the_model_error_is_that_of_the_robot() -> None:
+    one, other = np.zeros((1, 3)), np.array([[0.3, 0.4, 0.0]])
+    for error in (model_error, point_error):
+        np.testing.assert_allclose(error(StateLayout(("robot",), 0), one, other), [0.5])
+
+
 @given(seed=seeds, planar=st.booleans(), reach=st.floats(0.01, 1.0))
 def test_random_actions_stay_in_reach_and_in_bounds(seed: int, planar: bool, reach: float) -> None:
     rng = np.random.default_rng(seed)

@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from safetensors.torch import load_file
 
 from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
+from fairlead.core.layout import StateLayout
+from fairlead.core.records import Trajectories
 from fairlead.geometry.distance import model_error
 from fairlead.geometry.fields import BoxEnvironment
 from fairlead.learning.dynamics import DynamicsConfig, Ensemble, LearnedDynamics, RolloutTask, train_dynamics
@@ -20,7 +22,7 @@ from fairlead.learning.fit import CHECKPOINT, Stage, fit
 from fairlead.learning.model_files import Job
 from fairlead.learning.networks import NETWORKS
 from fairlead.learning.registry import load_delta, load_dynamics
-from fairlead.learning.rollout import Windows, roll_out_all
+from fairlead.learning.rollout import Splits, Windows, roll_out_all
 from rope_data import BOUNDS, LAYOUT, splits, straight_ropes
 
 FREE = BoxEnvironment([], BOUNDS)
@@ -113,6 +115,23 @@ def test_resumed_training_gives_the_same_weights(tmp_path: Path, stop_at: int) -
     assert (tmp_path / "stopped" / CHECKPOINT).exists()
     resumed = weights_after(tmp_path / "stopped", None)
     assert all(torch.equal(straight[name], resumed[name]) for name in straight)
+
+
+@pytest.mark.parametrize("network", NETWORKS)
+@pytest.mark.parametrize("names", [("robot",), ("one", "other")])
+def test_robots_that_hold_nothing_are_learned(network: str, names: tuple[str, ...]) -> None:
+    layout, rng = StateLayout(names, 0), np.random.default_rng(0)
+    moves = np.pad(rng.uniform(-0.1, 0.1, (4, 5, len(names), 2)), ((0, 0), (0, 0), (0, 0), (0, 1)))
+    states = np.concatenate([np.zeros((4, 1, layout.state_size)), moves.reshape(4, 5, -1).cumsum(1)], axis=1)
+    data = Trajectories(layout, states, states[:, 1:], np.zeros(4, int), [FREE])
+    module = Ensemble(layout, DynamicsConfig(network, hidden=16, members=2), 0)
+    task = RolloutTask(module, lambda s, a, _: module(s, a), LearnedDynamics(module), Splits(data, data, data), 2)
+    stage = Stage(1, 8, horizon=2)
+    loss = task.loss(stage, task.order(stage, rng)[0], rng)
+    loss.backward()
+    assert torch.isfinite(loss)
+    assert all(torch.isfinite(weight.grad).all() for weight in module.parameters() if weight.grad is not None)
+    assert np.isfinite(task.score())
 
 
 def test_a_checkpoint_of_another_configuration_is_refused(tmp_path: Path) -> None:

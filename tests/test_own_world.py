@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -9,11 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fairlead.core.artifacts import read_jsonl
 from fairlead.core.contracts import check_world
 from fairlead.core.streams import stream
 from fairlead.data.verify import verify
 from fairlead.learning.registry import load_check
 from fairlead.planning.checks import AcceptAll
+from fairlead.reproduce.presets import PRESETS, preset
 from fairlead.scenarios.registry import SCENARIOS
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -44,6 +48,24 @@ def test_the_world_keeps_the_contract_and_its_data_are_sound(
     check_world(world, ground.sampler.propose(starts, rng))
     monkeypatch.setitem(SCENARIOS, "ground", own.Ground)
     assert verify(models / "icy")["trajectories"] == 128
+
+
+def test_installed_it_takes_the_whole_line_with_sizes_of_its_kind(own: Any, tmp_path: Path) -> None:
+    about = tmp_path / "ground-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: ground\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[fairlead.scenarios]\nground = own_world:Ground\n")
+    path = os.pathsep.join([*map(str, (tmp_path, EXAMPLES)), os.environ.get("PYTHONPATH", "")])
+    line = [sys.executable, "-m", "fairlead.cli.main", "reproduce", "ground", "--preset", "smoke", "--threads", "1"]
+    subprocess.run([*line, "--out", tmp_path / "out"], env=os.environ | {"PYTHONPATH": path}, check=True)
+    smoke = preset(own.Ground(), "smoke")
+    assert smoke == PRESETS["dragging"]["smoke"]
+    scenes = own.Ground().scenes(tmp_path / "out" / "scenes.json").scenes
+    assert len(scenes) == 50
+    rows = list(read_jsonl(tmp_path / "out" / "trials" / "trials.jsonl"))
+    assert {row["method"] for row in rows} == set(smoke.methods)
+    assert {row["scene"] for row in rows} == {scenes[0].name}
+    assert "ground" in (tmp_path / "out" / "report" / "report.html").read_text()
 
 
 def test_ice_holds_the_robot_and_dry_ground_does_not(own: Any) -> None:

@@ -23,6 +23,7 @@ from fairlead.planning.tree import Tree
 from toy import BAR, LAYOUT, LINK, RADIUS, SAMPLER, FreeChain, ToyWorld, arena, problem, straight, tail_goal
 
 TWO_ARMS = StateLayout(("left", "right"), 5)
+ROBOT = StateLayout(("robot",), 0)
 seeds = st.integers(0, 2**32)
 
 
@@ -38,7 +39,7 @@ def some_transitions(seed: int = 0) -> Transitions:
     return Transitions(states, actions, prediction.mean, np.random.default_rng(seed).uniform(0, 0.2, len(states)))
 
 
-@given(seed=seeds, layout=st.sampled_from([LAYOUT, TWO_ARMS]))
+@given(seed=seeds, layout=st.sampled_from([LAYOUT, TWO_ARMS, ROBOT]))
 def test_nearest_is_nearest_by_the_definition_of_the_distance(seed, layout):
     rng = np.random.default_rng(seed)
     targets, nodes = rng.normal(size=(4, layout.state_size)), rng.normal(size=(30, layout.state_size))

@@ -127,10 +127,12 @@ PRESETS: dict[str, dict[str, Preset]] = {
 def preset(scenario: Scenario, name: str) -> Preset:
     """The preset of that name for a scenario; UnknownNameError otherwise.
 
-    A scenario that has no sizes of its own takes those of the paper's scenario that moves as it does: in the plane, or
-    in space.
+    A task takes the sizes of its base; a scenario that has none takes those of the paper's scenario that moves as it
+    does: in the plane, or in space.
     """
-    sizes = PRESETS.get(scenario.name) or PRESETS["dragging" if scenario.sampler.planar else "dual_arm"]
+    sizes = (
+        PRESETS.get(scenario.base or scenario.name) or PRESETS["dragging" if scenario.sampler.planar else "dual_arm"]
+    )
     if name not in sizes:
         raise UnknownNameError("preset", name, sizes)
     return sizes[name]
