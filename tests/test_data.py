@@ -217,7 +217,7 @@ collect(FakeScenario(), CONFIG, Path(sys.argv[1]))
 
 def test_killed_at_random_moments_the_run_ends_in_the_same_bytes(tmp_path: Path, dataset: Path) -> None:
     rng, folder, kills = np.random.default_rng(0), tmp_path / "d", 0
-    path = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
+    path = os.pathsep.join(filter(None, [str(Path(__file__).parent), os.environ.get("PYTHONPATH")]))
     environment = os.environ | {"PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
     finished = False
     while not finished:

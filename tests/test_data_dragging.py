@@ -18,13 +18,13 @@ def contents(folder: Path) -> dict[str, str]:
 
 @pytest.mark.parametrize("phase", [1, 2])
 def test_neither_threads_nor_an_interruption_change_a_byte(tmp_path: Path, phase: int) -> None:
-    config = CollectConfig(phase, trajectories=18, seed=3, lanes=8, steps=3, obstacles_every=2)
+    config = CollectConfig(phase, trajectories=18, seed=3, lanes=8, steps=3, obstacles_every=3)
     world = scenario("dragging")
     collect(world, config, tmp_path / "one", threads=1)
     collect(world, config, tmp_path / "two", threads=2)
 
     def interrupt(_: int) -> None:
-        if (tmp_path / "three" / "shard-00001.parquet").exists():
+        if (tmp_path / "three" / "shard-00000.parquet").exists():
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

@@ -196,6 +196,18 @@ def test_copies_need_not_wait_for_each_other() -> None:
     np.testing.assert_array_equal(world.observe(), lockstep.observe())
 
 
+def test_a_copy_that_restarts_alone_is_as_in_a_new_world() -> None:
+    """Whatever it and the others did before: recording may go on with each trajectory as if all had begun together."""
+    world, obstacles, rng = _random_worlds(4, 9)
+    world.execute(DRAGGING.sampler.propose(world.observe(), rng))
+    states, actions = world.observe().astype(np.float32).astype(float), DRAGGING.sampler.propose(world.observe(), rng)
+    world.execute(actions)
+    new, ids = DRAGGING.simulate(obstacles, states), np.array([2])
+    world.restart(ids, states[ids])
+    np.testing.assert_array_equal(world.receive_all(1).states, new.observe()[ids])
+    np.testing.assert_array_equal(world.carry(ids, actions[ids]).states, new.execute(actions).states[ids])
+
+
 def test_an_observed_state_can_be_simulated_again() -> None:
     """Quasi-static: the 33 numbers say enough to repeat an action within half a millimetre."""
     world, obstacles, rng = _random_worlds(24, 6)

@@ -279,6 +279,20 @@ def test_divergence_is_found_and_never_observed(speed: float) -> None:
     assert not again.diverged.any(), "a copy that diverged once goes on from where it was put back"
 
 
+def test_a_copy_that_restarts_alone_is_as_in_a_new_world() -> None:
+    obstacles, states = _scenes()
+    world = DUAL.simulate(obstacles[:3], states[:3])
+    actions = DUAL.sampler.propose(world.observe(), stream(13, "restart"))
+    states = world.execute(actions).states.astype(np.float32).astype(float)
+    world.execute(actions)
+    new, ids = DUAL.simulate(obstacles[:3], states), np.array([1])
+    world.restart(ids, states[ids])
+    np.testing.assert_array_equal(world.receive_all(1).states, new.observe()[ids])
+    before, after = (w.carry(ids, actions[ids]) for w in (world, new))
+    for name in ("states", "seconds", "outcomes"):
+        np.testing.assert_array_equal(getattr(before, name), getattr(after, name))
+
+
 def test_the_grippers_stay_together_in_phase_1() -> None:
     rng = stream(12, "apart")
     states = np.array([DUAL.random_start(rng) for _ in range(64)])
