@@ -58,7 +58,7 @@ class Bench:
         for nodes, rate in rate_by_tree_size(problem, start).items():
             print(f"planner with {nodes:,} nodes: {rate:,.0f} checked transitions a second", file=sys.stderr)
         return {
-            "collect_vs_raw": collect_vs_raw(world, self.lanes, self.steps, self.threads, rounds=3),
+            "collect_vs_raw": collect_vs_raw(world, self.lanes, self.steps, self.threads),
             "planner_vs_ompl": planner_vs_ompl(problem, start),
             "planner_vs_networks": planner_vs_networks(problem, start),
         }

@@ -1,112 +1,90 @@
-"""How fast collection simulates, against bare steps of the same model, threads and controls."""
+"""How fast collection simulates, against bare steps of the same model and threads, from the same states."""
 
 from __future__ import annotations
 
-import json
-import shutil
 import tempfile
 import time
-from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, final
 
+import mujoco.batch
 import numpy as np
 
 from benchmarks.rates import Rates
 from fairlead.data.collect import CollectConfig, collect
-from fairlead.data.recording import PROGRESS
 from fairlead.scenarios.scenario import Scenario
 
+FIELDS = ("qpos", "qvel", "qacc_warmstart", "ctrl", "mocap_pos")
+"""What a step depends on and collection changes."""
+EVERY, WINDOW = 400, 20
+"""Of so many steps of collection, so many in a row are made again, bare."""
 
-@dataclass(frozen=True)
-class Recorded:
-    """A simulation as it was after it was made, and what drove its steps until a copy had its trajectory done.
 
-    What drives a step: the controls, and the positions of the bodies that are moved.
+@final
+class Bare:
+    """Makes steps of a simulation again with `Batch.step` alone, all copies at once.
+
+    They are made while collection rests, all through it, so that both see the same machine; the first of a window is
+    not timed, for collection has had the caches until then.
     """
 
-    simulation: Any
-    qpos: np.ndarray
-    qvel: np.ndarray
-    driven: list[tuple[np.ndarray, np.ndarray]]
+    def __init__(self, simulation: Any, threads: int) -> None:
+        copies = len(simulation.qpos)
+        self._batch = mujoco.batch.Batch(simulation.model, copies, threads)
+        self._batch.mocap_quat = simulation.batch.mocap_quat.copy()
+        self._theirs, self._ours = ([b.bind(field) for field in FIELDS] for b in (simulation.batch, self._batch))
+        self._everyone, self._count = np.arange(copies, dtype=np.int32), 0
+        self._noted: list[list[np.ndarray]] = []
+        self.steps, self.seconds, self.paused = 0, 0.0, 0.0
 
-    def bare_rate(self) -> float:
-        """Steps a second of `Batch.step` alone, all simulations at once, driven as recorded."""
-        simulation, everyone = self.simulation, np.arange(len(self.qpos), dtype=np.int32)
-        moved = simulation.batch.bind("mocap_pos")
-        simulation.qpos[:], simulation.qvel[:] = self.qpos, self.qvel
+    def before_step(self) -> None:
+        """Note the step that collection is about to make, or make again those that were noted."""
         begun = time.perf_counter()
-        for control, position in self.driven:
-            simulation.ctrl[:], moved[:] = control, position
-            simulation.batch.step(everyone, 1)
-        return len(self.qpos) * len(self.driven) / (time.perf_counter() - begun)
+        if self._count % EVERY < WINDOW:
+            self._noted.append([field.copy() for field in self._theirs])
+        for i, noted in enumerate(self._noted if len(self._noted) == WINDOW else ()):
+            self._again(noted, timed=i > 0)
+        self._noted = self._noted[: len(self._noted) % WINDOW]
+        self._count += 1
+        self.paused += time.perf_counter() - begun
+
+    def _again(self, noted: list[np.ndarray], timed: bool) -> None:
+        for field, value in zip(self._ours, noted, strict=True):
+            field[:] = value
+        begun = time.perf_counter()
+        self._batch.step(self._everyone, 1)
+        self.seconds += timed * (time.perf_counter() - begun)
+        self.steps += timed * len(self._everyone)
 
 
-class _Enough(Exception):
-    """The first shard is there."""
+def collect_vs_raw(scenario: Scenario, lanes: int, steps: int, threads: int, trajectories: int = 8) -> Rates:
+    """Simulation steps a second of `collect` (phase 2) over those of bare steps.
 
-
-def _first_shard(scenario: Scenario, config: CollectConfig, threads: int, folder: Path) -> None:
-    """Begin a dataset, and stop as the second shard begins."""
-    left = [config.lanes * config.steps]
-
-    def advance(count: int) -> None:
-        left[0] -= count
-        if left[0] < 0:
-            raise _Enough
-
-    with suppress(_Enough):
-        collect(scenario, config, folder, threads, advance)
-
-
-def record(scenario: Scenario, config: CollectConfig, threads: int, begun: Path) -> Recorded:
-    """Collect the second shard and note what drives it while all copies step: bare steps then do the same physics."""
-    simulate, made, driven = scenario.simulate, [], []
-    everyone = [True]
+    Everything is included: placing the obstacles, beginning trajectories and actions, waiting for the last lane, files.
+    """
+    simulate, made = scenario.simulate, []
 
     def watched(*arguments: Any) -> Any:
         world: Any = simulate(*arguments)
-        simulation, step = world.simulation, world.simulation.step
-        moved = simulation.batch.bind("mocap_pos")
-        made.append((simulation, simulation.qpos.copy(), simulation.qvel.copy()))
+        bare, step = Bare(world.simulation, threads), world.simulation.step
 
-        def noting(ids: np.ndarray, count: int = 1) -> None:
-            everyone[0] &= len(ids) == config.lanes
-            if everyone[0]:
-                driven.append((simulation.ctrl.copy(), moved.copy()))
+        def stepping(ids: np.ndarray, count: int = 1) -> None:
+            bare.before_step()
             step(ids, count)
 
-        simulation.step = noting
+        world.simulation.step = stepping
+        made.append(bare)
         return world
 
+    config = CollectConfig(phase=2, trajectories=trajectories * lanes, lanes=lanes, steps=steps)
     scenario.simulate = watched
     try:
-        second_shard(scenario, config, threads, begun)
+        with tempfile.TemporaryDirectory() as folder:
+            begun = time.perf_counter()
+            manifest = collect(scenario, config, Path(folder) / "dataset", threads)
+            seconds = time.perf_counter() - begun - sum(bare.paused for bare in made)
     finally:
         scenario.simulate = simulate
-    return Recorded(*made[0], driven)
-
-
-def second_shard(scenario: Scenario, config: CollectConfig, threads: int, begun: Path) -> float:
-    """Simulation steps a second of a whole call that records and writes the second shard of a dataset."""
-    with tempfile.TemporaryDirectory() as folder:
-        copy = shutil.copytree(begun, Path(folder) / "dataset")
-        before = json.loads((copy / PROGRESS).read_text())["shards"][0]["simulation_steps"]
-        start = time.perf_counter()
-        manifest = collect(scenario, config, copy, threads)
-        return (manifest.extra["simulation_steps"] - before) / (time.perf_counter() - start)
-
-
-def collect_vs_raw(scenario: Scenario, lanes: int, steps: int, threads: int, rounds: int = 5) -> Rates:
-    """Simulation steps a second of `collect` (phase 2, everything included) over those of bare steps, in turns.
-
-    It is a shard whose obstacles stay where they are, as 7 of 8 do; drawing them costs less than 2 % at 50 steps.
-    """
-    config = CollectConfig(phase=2, trajectories=2 * lanes, lanes=lanes, steps=steps)
-    with tempfile.TemporaryDirectory() as folder:
-        begun = Path(folder) / "begun"
-        _first_shard(scenario, config, threads, begun)
-        recorded = record(scenario, config, threads, begun)
-        pairs = [(second_shard(scenario, config, threads, begun), recorded.bare_rate()) for _ in range(rounds)]
-    return Rates.of(pairs)
+    # The last world is that of the lanes; one before it may have arranged their obstacles.
+    ours, raw = manifest.extra["simulation_steps"] / seconds, made[-1].steps / made[-1].seconds
+    return Rates(ours / raw, ours, raw)
