@@ -97,7 +97,7 @@ class Ground(Scenario):
         return Scene(name, self.random_ice(rng), {"robot": start}, (), point_goal(ROBOT, "robot", end, 0.05))
 
 
-def learn(ground: Ground, folder: Path, count: int = 256) -> None:
+def learn(ground: Ground, folder: Path, count: int) -> None:
     """Drive on dry ground and learn a model; drive among ice and learn where that model is right to 2 cm."""
     collect(ground, CollectConfig(1, count), folder / "dry")
     collect(ground, CollectConfig(2, count, obstacles_every=1), folder / "icy")
@@ -134,7 +134,7 @@ def draw(axes: Axes, problem: Problem, scene: Scene, trace: Trace) -> None:
     """The trust everywhere, the ice, the first plan, and the way that was driven."""
     side = np.linspace(-1, 1, 101)
     places = np.stack([*np.meshgrid(side, side), np.zeros((101, 101))], axis=-1).reshape(-1, 3)
-    arena(axes)
+    arena(axes, np.zeros(2), 1.0)
     axes.imshow(trust_at(problem, places).reshape(101, 101), TRUST, origin="lower", extent=(-1, 1, -1, 1), alpha=0.5)
     for patch in outlines(scene.written()["obstacles"]):
         axes.fill(*patch.T, facecolor="none", edgecolor="white", hatch="//", linewidth=1.2)
@@ -144,11 +144,11 @@ def draw(axes: Axes, problem: Problem, scene: Scene, trace: Trace) -> None:
     draw_goal(axes, scene.goal.written())
 
 
-def main(folder: Path) -> None:
-    """Learn, drive through ten scenes with trust and without, and draw the first scene that tells them apart."""
+def main(folder: Path, trajectories: int = 256, trials: int = 10) -> dict[str, list[bool]]:
+    """Learn, drive with trust and without it, and draw the first scene that tells them apart; where each arrived."""
     ground = Ground()
-    learn(ground, folder)
-    scenes = [ground.random_scene(stream(1, i), f"scene-{i}") for i in range(10)]
+    learn(ground, folder, trajectories)
+    scenes = [ground.random_scene(stream(1, i), f"scene-{i}") for i in range(trials)]
     checks = {"trust": load_check(folder / "trust", ground.name), "accept all": AcceptAll()}
     problems = {name: [problem(ground, scene, folder, check) for scene in scenes] for name, check in checks.items()}
     traces = {name: list(map(partial(drive, ground), scenes, posed)) for name, posed in problems.items()}
@@ -162,6 +162,7 @@ def main(folder: Path) -> None:
         canvas.colorbar(axes[0].images[0], ax=axes, label="trust in a random move")
         canvas.savefig(folder / "trust.png", dpi=110)
     print(folder / "trust.png")
+    return arrived
 
 
 if __name__ == "__main__":

@@ -16,7 +16,6 @@ from fairlead.core.contracts import check_world
 from fairlead.core.streams import stream
 from fairlead.data.verify import verify
 from fairlead.learning.registry import load_check
-from fairlead.planning.checks import AcceptAll
 from fairlead.reproduce.presets import PRESETS, preset
 from fairlead.scenarios.registry import SCENARIOS
 
@@ -33,12 +32,16 @@ def own() -> Any:
 
 
 @pytest.fixture(scope="module")
-def models(own: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("ground")
-    own.learn(own.Ground(), folder, count=128)
-    return folder
+def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("ground")
 
 
+@pytest.fixture(scope="module")
+def arrived(own: Any, models: Path) -> dict[str, list[bool]]:
+    return own.main(models, trajectories=128, trials=5)
+
+
+@pytest.mark.usefixtures("arrived")
 def test_the_world_keeps_the_contract_and_its_data_are_sound(
     own: Any, models: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -76,6 +79,7 @@ def test_ice_holds_the_robot_and_dry_ground_does_not(own: Any) -> None:
     np.testing.assert_allclose(moved[:, 0], [0.01 * 0.1 / 1.2, 0.1 / 1.2])
 
 
+@pytest.mark.usefixtures("arrived")
 def test_trust_is_low_on_ice_and_high_where_it_is_dry(own: Any, models: Path) -> None:
     ground = own.Ground()
     check = load_check(models / "trust", "ground")
@@ -88,13 +92,7 @@ def test_trust_is_low_on_ice_and_high_where_it_is_dry(own: Any, models: Path) ->
         assert trust[depth > 0.15].mean() > 0.8
 
 
-def test_a_robot_that_knows_where_to_trust_arrives_more_often(own: Any, models: Path) -> None:
-    ground = own.Ground()
-    scenes = [ground.random_scene(stream(4, i), "any") for i in range(5)]
-    arrived = {}
-    for check in (load_check(models / "trust", "ground"), AcceptAll()):
-        traces = [own.drive(ground, scene, own.problem(ground, scene, models, check)) for scene in scenes]
-        arrived[type(check)] = sum(trace.result["success"] for trace in traces)
-    trusting, accepting = arrived.values()
-    assert trusting >= 4
-    assert accepting <= trusting - 2
+def test_a_robot_that_knows_where_to_trust_arrives_more_often(arrived: dict[str, list[bool]], models: Path) -> None:
+    assert sum(arrived["trust"]) >= 4
+    assert sum(arrived["accept all"]) <= sum(arrived["trust"]) - 2
+    assert (models / "trust.png").stat().st_size > 10_000

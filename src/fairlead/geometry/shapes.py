@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -47,7 +48,7 @@ class Box:
         quaternion = (turn * Rotation.from_quat(self.quaternion_xyzw)).as_quat()
         return Box(self.size, tuple(map(float, centre)), tuple(map(float, quaternion)))
 
-    @property
+    @cached_property
     def rotation(self) -> Float[np.ndarray, "3 3"]:
         """The matrix whose columns are the directions of the sides."""
         return Rotation.from_quat(self.quaternion_xyzw).as_matrix()

@@ -130,9 +130,8 @@ def preset(scenario: Scenario, name: str) -> Preset:
     A task takes the sizes of its base; a scenario that has none takes those of the paper's scenario that moves as it
     does: in the plane, or in space.
     """
-    sizes = (
-        PRESETS.get(scenario.base or scenario.name) or PRESETS["dragging" if scenario.sampler.planar else "dual_arm"]
-    )
+    alike = "dragging" if scenario.sampler.planar else "dual_arm"
+    sizes = PRESETS.get(scenario.base or scenario.name, PRESETS[alike])
     if name not in sizes:
         raise UnknownNameError("preset", name, sizes)
     return sizes[name]
