@@ -59,7 +59,7 @@ class Ground(Scenario):
 
     def environment(self, obstacles: Sequence[Obstacle]) -> BoxEnvironment:
         bounds = np.array([[-1.0, -1.0, -0.01], [1.0, 1.0, 0.01]])
-        return BoxEnvironment([box for ice in obstacles for box in ice.boxes], bounds, resolution=0.02)
+        return BoxEnvironment([box for ice in obstacles for box in ice.boxes], bounds)
 
     def simulate(self, obstacles: Sequence[Sequence[Obstacle]], states: np.ndarray, threads: int = 1) -> ComputedWorld:
         maps = [self.environment(ice) for ice in obstacles]

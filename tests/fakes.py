@@ -103,7 +103,7 @@ class FakeScenario(Scenario):
 
     def environment(self, obstacles: Sequence[Obstacle]) -> BoxEnvironment:
         bounds = np.array([[-1.0, -1.0, -0.01], [1.0, 1.0, 0.01]])
-        return BoxEnvironment([box for obstacle in obstacles for box in obstacle.boxes], bounds, resolution=0.05)
+        return BoxEnvironment([box for obstacle in obstacles for box in obstacle.boxes], bounds)
 
     def simulate(self, obstacles: Sequence[Sequence[Obstacle]], states: np.ndarray, threads: int = 1) -> FakeWorld:
         del threads

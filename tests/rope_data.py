@@ -39,9 +39,7 @@ def straight_ropes(count: int, rng: np.random.Generator) -> np.ndarray:
 def environments(count: int, rng: np.random.Generator) -> list[BoxEnvironment]:
     """Two cubes each, anywhere."""
     return [
-        BoxEnvironment(
-            [Box((0.25, 0.25, 0.25), (*rng.uniform(-0.8, 0.8, 2), 0.125)) for _ in range(2)], BOUNDS, resolution=0.02
-        )
+        BoxEnvironment([Box((0.25, 0.25, 0.25), (*rng.uniform(-0.8, 0.8, 2), 0.125)) for _ in range(2)], BOUNDS)
         for _ in range(count)
     ]
 

@@ -68,7 +68,7 @@ def test_a_trial_brings_the_marker_around_a_post_to_its_goal() -> None:
     from own_robot import FakeDriver, RobotWorld
 
     low, high = (-0.5, -0.5, 0.0), (0.5, 0.5, 0.6)
-    environment = BoxEnvironment([Box((0.1, 0.4, 0.3), (0.2, 0.0, 0.15))], np.array([low, high]), resolution=0.02)
+    environment = BoxEnvironment([Box((0.1, 0.4, 0.3), (0.2, 0.0, 0.15))], np.array([low, high]))
     goal = point_goal(LAYOUT, "tail", (0.4, 0.0, 0.2), 0.05)
     sampler = RandomDisplacement(LAYOUT, 0.15, low, high, planar=False)
     problem = Problem(environment, goal, Carried(), CollisionCheck(LAYOUT, 0.01), sampler)

@@ -59,7 +59,7 @@ def test_the_example_trusts_what_is_clear_and_nothing_else() -> None:
 
     fake, check = scenario("fake"), Clearance(LAYOUT, 0.05)
     wall = fake.environment(())
-    box = type(wall)([Box((0.2, 2.0, 0.2), (0.5, 0.0, 0.0))], wall.bounds, resolution=0.01)
+    box = type(wall)([Box((0.2, 2.0, 0.2), (0.5, 0.0, 0.0))], wall.bounds)
     states = np.zeros((3, LAYOUT.state_size))
     LAYOUT.points_of(states)[:, :, 0] = np.array([0.34, 0.36, 0.5])[:, None]
     encodings = check.encode(box, states)

@@ -27,7 +27,7 @@ BAR = Box((0.1, 1.2, 0.3), (0.0, 0.0, 0.15))
 
 
 def arena(*boxes: Box) -> BoxEnvironment:
-    return BoxEnvironment([*WALLS, *boxes], np.array([[-0.95, -0.95, 0.0], [0.95, 0.95, 0.04]]), 0.02)
+    return BoxEnvironment([*WALLS, *boxes], np.array([[-0.95, -0.95, 0.0], [0.95, 0.95, 0.04]]))
 
 
 def straight(x: float, y: float, heading: float = 0.0) -> np.ndarray:

@@ -7,11 +7,14 @@ from functools import cached_property
 from typing import final
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Float32
 from scipy import ndimage
 
 from fairlead.core.roles import Environment
 from fairlead.geometry.shapes import Box, box_distance
+
+NOWHERE_M = 1e3
+"""The distance [m] to obstacles where there are none: infinite distances would have no differences."""
 
 
 def cell_centres(
@@ -56,16 +59,16 @@ def distance_table(distance: Float[np.ndarray, "nx ny nz"], resolution: float) -
 class BoxEnvironment(Environment):
     """An environment made of boxes.
 
+    Distances and gradients are exact, and computed where they are asked for (docs/adr/0008).
+
     Args:
         boxes: obstacles and walls.
         bounds: region where states may lie, (2, 3) [m].
-        resolution: cell size [m] of the distance table.
     """
 
-    def __init__(self, boxes: Sequence[Box], bounds: Float[np.ndarray, "2 3"], resolution: float = 0.01) -> None:
+    def __init__(self, boxes: Sequence[Box], bounds: Float[np.ndarray, "2 3"]) -> None:
         self.boxes = tuple(boxes)
         self._bounds = np.asarray(bounds, float)
-        self._resolution = resolution
         self._occupancy: dict[float, tuple[np.ndarray, np.ndarray]] = {}
 
     @property
@@ -73,17 +76,44 @@ class BoxEnvironment(Environment):
         return self._bounds
 
     @cached_property
-    def _table(self) -> tuple[np.ndarray, np.ndarray]:
-        centres, origin = cell_centres(self._bounds, self._resolution)
-        # Without any box distances are infinite, and their differences not numbers.
-        return distance_table(np.minimum(self.signed_distance(centres), 1e3), self._resolution), origin
+    def _rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """R^T, R^T c and size / 2 of every box, axis first: (3, box, 3), (3, box, 1) and (3, box, 1)."""
+        turns = np.stack([box.rotation.T for box in self.boxes], axis=1)
+        centres, sizes = np.array([[box.position, box.size] for box in self.boxes]).transpose(1, 2, 0)
+        offsets = np.einsum("abx,xb->ab", turns, centres)
+        return (
+            turns.astype(np.float32),
+            offsets[..., None].astype(np.float32),
+            (sizes[..., None] / 2).astype(np.float32),
+        )
 
     def signed_distance(self, points: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
         return box_distance(self.boxes, points)
 
-    def distance_and_gradient(self, points: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 4"]:
-        table, origin = self._table
-        return look_up(table, origin, self._resolution, points)
+    def distance_and_gradient(self, points: Float[np.ndarray, "*batch 3"]) -> Float32[np.ndarray, "*batch 4"]:
+        """As `shapes.box_distance`, with the gradient of the nearest box: R n, where n is
+
+        sign(l) max(q, 0) / |max(q, 0)| outside, and sign(l) on the axis of max_i q_i inside, l = R^T (x - c).
+        """
+        found = np.zeros((*points.shape[:-1], 4), np.float32)
+        if not self.boxes:
+            found[..., 0] = NOWHERE_M
+            return found
+        turns, offsets, halves = self._rows
+        flat = points.reshape(-1, 3).astype(np.float32).T
+        local = (turns.reshape(-1, 3) @ flat).reshape(3, len(self.boxes), -1) - offsets
+        q = np.abs(local) - halves
+        beyond = np.maximum(q, 0.0)
+        outside = np.sqrt(beyond[0] * beyond[0] + beyond[1] * beyond[1] + beyond[2] * beyond[2])
+        distance = outside + np.minimum(np.maximum(np.maximum(q[0], q[1]), q[2]), 0.0)
+        at = distance.argmin(axis=0), np.arange(flat.shape[1])
+        local, q, beyond, outside = local[:, *at], q[:, *at], beyond[:, *at], outside[at]
+        inward = np.arange(3)[:, None] == q.argmax(axis=0)
+        normal = np.sign(local) * np.where(outside > 0, beyond / np.maximum(outside, 1e-12), inward)
+        rows = found.reshape(-1, 4)
+        rows[:, 0] = distance[at]
+        rows[:, 1:] = np.einsum("anx,an->nx", turns[:, at[0]], normal)
+        return found
 
     def occupied(self, points: Float[np.ndarray, "*batch 3"]) -> Bool[np.ndarray, "*batch"]:
         return np.asarray(self.signed_distance(points) < 0)
@@ -113,7 +143,7 @@ class GridEnvironment(Environment):
             inside = np.asarray(ndimage.distance_transform_edt(np.pad(grid, 1)))[1:-1, 1:-1, 1:-1] - 0.5
             distance = np.where(grid, -inside, outside) * resolution
         else:
-            distance = np.full(grid.shape, 1e3)
+            distance = np.full(grid.shape, NOWHERE_M)
         self._table = distance_table(distance, resolution)
 
     @classmethod
