@@ -13,6 +13,8 @@ import torch
 
 from fairlead.core.contracts import check_transition_check
 from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
+from fairlead.core.layout import StateLayout
+from fairlead.core.records import Transitions
 from fairlead.geometry.fields import BoxEnvironment
 from fairlead.geometry.shapes import Box
 from fairlead.geometry.voxels import Occupancy, VoxelGrid
@@ -23,7 +25,7 @@ from fairlead.learning.registry import load_check
 from fairlead.learning.trust import LearnedCheck, balanced_order, build_network, probabilities, train_trust
 from fairlead.learning.trust_network import NETWORKS, PAPER_GRID, TrustConfig
 from fairlead.learning.trust_voxel import VoxelEncoder, transformed, transformed_grid
-from rope_data import LAYOUT, splits
+from rope_data import BOUNDS, LAYOUT, splits
 from test_labels import DELTA, FollowDynamics
 
 DYNAMICS = FollowDynamics(0.002)
@@ -77,27 +79,29 @@ def test_not_a_number_is_not_accepted(name: str) -> None:
     assert np.isfinite(found[[0, 2]]).all()
 
 
-def test_mirroring_an_example_mirrors_its_features() -> None:
-    network = build_network(LAYOUT, CONFIGS["sdf"], 0)
-    examples = label(DYNAMICS, DATA.test, DELTA)
-    environment, rows = next(examples.by_scene())
-    t = examples.take(rows[:20]).transitions
+@pytest.mark.parametrize(("grippers", "planar"), [(1, True), (1, False), (2, True), (2, False)])
+def test_augmented_features_are_those_of_the_mirrored_and_exchanged_scene(grippers: int, planar: bool) -> None:
+    layout, rng = StateLayout(("left", "right")[:grippers], 4), np.random.default_rng(0)
+    network = build_network(layout, TrustConfig("sdf", planar=planar, hidden=8), 0)
+    states, after = rng.uniform(-0.3, 0.3, (2, 40, layout.state_size))
+    actions = rng.uniform(-0.3, 0.3, (40, layout.action_size))
+    boxes = [Box((0.2, 0.3, 0.1), (0.1, 0.2, 0.0)), Box((0.1, 0.1, 0.4), (-0.2, 0.0, 0.1))]
 
-    def mirrored(x: np.ndarray) -> np.ndarray:
-        return (x.reshape(len(x), -1, 3) * [1, -1, 1]).reshape(x.shape).astype(x.dtype)
+    def features(mirror: bool, exchange: bool) -> tuple[np.ndarray, ...]:
+        sign = np.array([1.0, -1.0 if mirror else 1.0, 1.0])
+        order = [1, 0, *range(layout.state_size // 3 - 1, 1, -1)] if exchange else slice(None)
+        seen = [(x.reshape(40, -1, 3) * sign)[:, order].reshape(40, -1) for x in (states, after)]
+        asked = (actions.reshape(40, -1, 3) * sign)[:, :: -1 if exchange else 1].reshape(40, -1)
+        world = BoxEnvironment([Box(b.size, tuple(sign * b.position)) for b in boxes], BOUNDS)
+        t = Transitions(seen[0], asked, seen[1], np.linspace(0.01, 0.2, 40))
+        return network._features(t, *(network.encode(world, x) for x in seen))
 
-    def mirrored_field(x: np.ndarray) -> np.ndarray:
-        return (x.reshape(len(x), -1, 4) * [1, 1, -1, 1]).reshape(x.shape).astype(x.dtype)
-
-    fields = network.encode(environment, t.states), network.encode(environment, t.next_states)
-    other = replace(t, states=mirrored(t.states), actions=mirrored(t.actions), next_states=mirrored(t.next_states))
-    straight = network._features(t, *fields)
-    reflected = network._features(other, *map(mirrored_field, fields))
-    (flipped,) = network.augment((torch.from_numpy(straight),), np.random.default_rng(0))
-    was_flipped = np.abs(flipped.numpy() - straight).max(1) > 1e-6
-    assert was_flipped.any()
-    assert not was_flipped.all()
-    np.testing.assert_allclose(flipped.numpy()[was_flipped], reflected[was_flipped], atol=1e-4)
+    changes = [features(m, e) for m in (False, True) for e in ((False, True) if grippers == 2 else (False,))]
+    chain, whole = network.augment(tuple(map(torch.from_numpy, changes[0])), rng)
+    off = [np.abs(chain.numpy() - c).max((1, 2)) + np.abs(whole.numpy() - w).max(1) for c, w in changes]
+    nearest = np.argmin(off, axis=0)
+    assert np.min(off, axis=0).max() < 1e-4
+    assert set(nearest) == set(range(len(changes)))
 
 
 @pytest.mark.parametrize("symmetry", list(itertools.product([0, 1], repeat=3)))

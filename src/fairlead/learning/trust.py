@@ -13,12 +13,12 @@ from torch import Tensor, nn
 
 from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
-from fairlead.core.records import Transitions
+from fairlead.core.records import Trajectories, Transitions
 from fairlead.core.roles import Dynamics, Environment, TransitionCheck
 from fairlead.core.streams import stream, stream_seed
 from fairlead.geometry.voxels import VoxelGrid
 from fairlead.learning.fit import Stage, Task, fit
-from fairlead.learning.labels import RULES, Examples, label
+from fairlead.learning.labels import CUT_BY_ARMS, RULES, Examples, label
 from fairlead.learning.metrics import balanced_log_loss, best_threshold, classification
 from fairlead.learning.model_files import Job, ModelFile, save_model
 from fairlead.learning.rollout import Splits
@@ -110,7 +110,12 @@ def probabilities(network: TrustNetwork, inputs: Inputs, count: int) -> Float[np
 def train_trust(dynamics: Dynamics, data: Splits, delta: float, config: TrustConfig, job: Job) -> LearnedCheck:
     """Label the data with the predictions of `dynamics` at `delta` [m], train a classifier and save it."""
     started = time.monotonic()
-    whole = {name: label(dynamics, getattr(data, name), delta, config.rule) for name in ("train", "validation", "test")}
+    leave_out = CUT_BY_ARMS if config.reach_known else ()
+
+    def labelled(split: Trajectories, rule: str) -> Examples:
+        return label(dynamics, split, delta, rule, leave_out=leave_out)
+
+    whole = {name: labelled(getattr(data, name), config.rule) for name in ("train", "validation", "test")}
     limits = {"train": config.limit, "validation": HELD_OUT, "test": HELD_OUT}
     examples = {name: e.sample(limits[name], stream(job.seed, "examples", name)) for name, e in whole.items()}
     network = build_network(data.layout, config, job.seed)
@@ -123,7 +128,7 @@ def train_trust(dynamics: Dynamics, data: Splits, delta: float, config: TrustCon
     metrics.update({f"test_{name}": metrics["test"][name] for name in ("accuracy", "precision", "recall", "auroc")})
     held_out = examples["validation"]
     metrics["spread_threshold_m"] = best_threshold(held_out.transitions.spread, held_out.labels)
-    other = {rule: label(dynamics, data.train, delta, rule) for rule in RULES if rule != config.rule}
+    other = {rule: labelled(data.train, rule) for rule in RULES if rule != config.rule}
     metrics["rules"] = {rule: e.counts() for rule, e in {config.rule: whole["train"], **other}.items()}
     save_model(
         job, "trust", config.network, data.layout, config, network.state_dict(), metrics, time.monotonic() - started
