@@ -108,8 +108,8 @@ class BoxEnvironment(Environment):
         distance = outside + np.minimum(np.maximum(np.maximum(q[0], q[1]), q[2]), 0.0)
         box, point = distance.argmin(axis=0), np.arange(flat.shape[1])
         outside, beyond = outside[box, point], beyond[:, box, point]
-        inward = (np.arange(3)[:, None] == q[:, box, point].argmax(axis=0)).astype(np.float32)
-        normal = np.copysign(np.where(outside > 0, beyond / np.maximum(outside, 1e-12), inward), local[:, box, point])
+        inward = (outside <= 0) & (np.arange(3)[:, None] == q[:, box, point].argmax(axis=0))
+        normal = np.copysign(beyond / np.maximum(outside, 1e-12) + inward, local[:, box, point])
         rows = found.reshape(-1, 4)
         rows[:, 0] = distance[box, point]
         rows[:, 1:] = np.sum(turns[:, box] * normal[..., None], axis=0)
