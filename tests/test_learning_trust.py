@@ -19,7 +19,7 @@ from fairlead.geometry.fields import BoxEnvironment
 from fairlead.geometry.shapes import Box
 from fairlead.geometry.voxels import Occupancy, VoxelGrid
 from fairlead.learning.fit import Stage
-from fairlead.learning.labels import label
+from fairlead.learning.labels import Examples, label
 from fairlead.learning.model_files import Job
 from fairlead.learning.registry import load_check
 from fairlead.learning.trust import LearnedCheck, balanced_order, build_network, probabilities, train_trust
@@ -102,6 +102,29 @@ def test_augmented_features_are_those_of_the_mirrored_and_exchanged_scene(grippe
     nearest = np.argmin(off, axis=0)
     assert np.min(off, axis=0).max() < 1e-4
     assert set(nearest) == set(range(len(changes)))
+
+
+def test_a_voxel_example_with_its_ends_exchanged_is_that_of_the_exchanged_object() -> None:
+    layout, rng = StateLayout(("left", "right"), 4), np.random.default_rng(0)
+    network = build_network(layout, TrustConfig("voxel", planar=False, hidden=8, grid=VoxelGrid((22,) * 3, 0.04)), 0)
+    states, after = rng.uniform(-0.3, 0.3, (2, 3, layout.state_size))
+    actions = rng.uniform(-0.3, 0.3, (3, layout.action_size))
+    world = BoxEnvironment([Box((0.2, 0.3, 0.1), (0.1, 0.2, 0.0))], 3 * BOUNDS)
+
+    def inputs(order: list[int]) -> tuple[torch.Tensor, ...]:
+        seen = [x.reshape(3, -1, 3)[:, order].reshape(3, -1) for x in (states, after)]
+        t = Transitions(seen[0], actions.reshape(3, -1, 3)[:, order[:2]].reshape(3, -1), seen[1], np.full(3, 0.1))
+        zeros = np.zeros(3, int)
+        examples = Examples(layout, [world], t, np.ones(3, bool), np.zeros(3), zeros, np.zeros((3, 3), int))
+        return network.prepare(examples)(np.arange(3))
+
+    straight, exchanged = inputs([0, 1, 2, 3, 4, 5]), inputs([1, 0, 5, 4, 3, 2])
+    draws = [network.augment(straight, np.random.default_rng(seed)) for seed in range(64)]
+    assert any(all(torch.allclose(x, y, atol=1e-5) for x, y in zip(d, exchanged, strict=True)) for d in draws)
+    assert any(all(torch.allclose(x, y, atol=1e-5) for x, y in zip(d, straight, strict=True)) for d in draws)
+    fixed = replace(network.config, reach_known=False)
+    network.config = fixed
+    assert network.augment(straight, rng) is straight
 
 
 @pytest.mark.parametrize("symmetry", list(itertools.product([0, 1], repeat=3)))
