@@ -234,7 +234,7 @@ def test_an_untrained_recovery_is_called_that(tmp_path: Path) -> None:
     learned = {name: {**found, "labels": labels, "log_loss": 0.25} for name, found in examined.items()}
     for name, metrics in (("recovery", {"trained": False, **examined}), ("recovery-sdf", {"trained": True, **learned})):
         write_json(tmp_path / name / "metrics.json", metrics)
-        Manifest("model", {"kind": "recovery"}, 0, {}, {}, {}).write(tmp_path / name)
+        Manifest("model", {"kind": "recovery", "config": name}, 0, {}, {}, {}).write(tmp_path / name)
     write_report([tmp_path], tmp_path / "report", videos=False)
     text = (tmp_path / "report" / "report.md").read_text()
     assert "recovery was NOT trained and acts at random: 14 stuck states in 3,000 (train)" in text

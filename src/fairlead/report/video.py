@@ -111,7 +111,7 @@ class Panel:
         draw.text((SIDE * s, 16 * s), view.phase, font=font(16, bold=view.ended), fill=colour, anchor="ra")
         below = (HEAD + SIDE + 12) * s
         plans = counted(view.plans, "plan")
-        text = f"{view.seconds:5.1f} s     {plans}     {100 * view.error_m:5.1f} cm to the goal"
+        text = f"{view.seconds:5.1f} s     {plans}     {100 * view.error_m:5.1f} cm {self.recording.measured}"
         if view.ended:
             text = f"{self.recording.sentence}  {view.seconds:.1f} s, {plans}."
         draw.text((0, below), text, font=font(14), fill=INK)

@@ -70,15 +70,15 @@ def require_format(path: Path) -> None:
 
 
 def planned(scenario: Scenario, scene: Scene, trace: Trace) -> Trajectory:
-    """The first plan of a trial, as predicted; "plan" is its number, "after" counts the recovery actions before it.
+    """The first plan of a trial, as predicted; "plan" is its number, "recovered" counts the recovery actions before it.
 
     Raises:
         FairleadError: every planning attempt was stuck.
     """
     for plan in trace.plans:
         if len(plan.actions):
-            after = sum(action.plan < plan.index for action in trace.actions)
-            about = {**trace.about, "plan": plan.index, "after": after}
+            recovered = sum(action.plan < plan.index for action in trace.actions)
+            about = {**trace.about, "plan": plan.index, "recovered": recovered}
             return trajectory(scenario, scene, plan.states[0], plan.actions, about)
     raise FairleadError(f"scene '{scene.name}': every planning attempt was stuck, so there is no plan to export")
 
@@ -114,7 +114,7 @@ def trajectory(
     names = () if arms is None else tuple(f"{name}_rad" for arm in arms.kinematics.names for name in arm)
     grippers = (f"{name}_{axis}_m" for name in layout.grippers for axis in "xyz")
     told = {**about, "actions": len(actions), "actions_done": done, "ends": ends.label, **_limits(scenario)}
-    return Trajectory(("time_s", "action", *grippers, *names), np.array(rows), told)
+    return Trajectory(("time_s", "action", *grippers, *names), np.array(rows) + 0.0, told)
 
 
 def _followed(
