@@ -17,7 +17,7 @@ class Command:
     """Collect, train, try every method and report. Interrupt it at will: the same command goes on where it stopped."""
 
     scenario: Annotated[str, tyro.conf.Positional]
-    """The world, for example `dragging`; or `real_tasks`: the paper's mock-ups, all four, with models that come along."""
+    """The world, for example `dragging`; or `real_tasks`: all four of the paper's mock-ups."""
     out: Path
     """Folder of data, models, trials and report."""
     preset: str = "desk"
