@@ -21,8 +21,8 @@ class Command:
     out: Path
     """Folder of data, models, trials and report."""
     preset: str = "desk"
-    """smoke (a minute), desk (about a quarter of an hour on two cores, the tasks longer), paper (the paper's data
-    sizes)."""
+    """smoke (a minute), desk (about a quarter of an hour on two cores; real_tasks, whose trials are many, about an
+    hour), paper (the paper's data sizes)."""
     seed: int = 0
     """Of every random stream."""
     threads: int = os.cpu_count() or 1

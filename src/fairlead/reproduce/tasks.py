@@ -8,6 +8,7 @@ the scenes that are tried, so none of them is seen in training.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 from fairlead.core.budget import Budget
@@ -38,8 +39,8 @@ def reproduce_tasks(size: str, out: Path, seed: int, threads: int, bar: Bar) -> 
     """Reuse, collect, train, try and report; the path of the page. Run again, it goes on where it stopped.
 
     Args:
-        size: name of the preset, that of each task's base: of its data, classifier and recovery. With a counted budget
-            it gives budget and number of scenes, too; else all scenes are tried for `BUDGET`.
+        size: name of the preset, that of each task's base (see `sizes_of`): of its data, classifier and recovery. With a
+            counted budget it gives budget and number of scenes, too; else all scenes are tried for `BUDGET`.
         out: folder of everything.
         seed: everything random derives from it.
         threads: of the simulator and of training, and the number of processes that run trials.
@@ -50,7 +51,7 @@ def reproduce_tasks(size: str, out: Path, seed: int, threads: int, bar: Bar) -> 
     """
     use_threads(threads)
     tasks = [scenario(spec.name) for spec in TASKS]
-    sizes = [preset(task, size) for task in tasks]
+    sizes = [sizes_of(task, size) for task in tasks]
     for task, of in zip(tasks, sizes, strict=True):
         models = _models(task, of, out, seed, threads, bar)
         counted = math.isfinite(of.budget.extensions)
@@ -60,6 +61,14 @@ def reproduce_tasks(size: str, out: Path, seed: int, threads: int, bar: Bar) -> 
         )  # fmt: skip
         tried(config, out / "trials" / f"{task.name}-mockup", threads, bar)
     return write_report([out], out / "report", videos=sizes[0].videos, cameras=camera)
+
+
+def sizes_of(task: Scenario, size: str) -> Preset:
+    """The preset of a task's base; on a desk three tasks of two arms share the time of one scenario."""
+    found = preset(task, size)
+    if size == "desk" and task.base == "dual_arm":
+        return replace(found, phase2=256, recovery=replace(found.recovery, limit=500))
+    return found
 
 
 def _models(task: Scenario, sizes: Preset, out: Path, seed: int, threads: int, bar: Bar) -> Path:
