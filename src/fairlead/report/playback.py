@@ -136,7 +136,7 @@ def as_predicted(recording: Recording, title: str) -> Recording:
         errors = np.linalg.norm(gaps, axis=-1).max(axis=-1)
         episodes.append(replace(episode, executed=foretold, errors=errors, predicted=None))
     worst = max((float(episode.errors.max()) for episode in episodes), default=0.0)
-    sentence = f"A point is up to {100 * worst:.1f} cm from where it is seen after the action."
+    sentence = f"Off by up to {100 * worst:.1f} cm at a point."
     return Recording(title, layout, tuple(episodes), recording.outcome, sentence, "off at the farthest point")
 
 

@@ -120,7 +120,9 @@ def error_table(summary: Summary, scenario: str) -> Table:
         for paper in RESULTS.get(scenario, ())
     ]
     columns = ("method", "success", "min [m]", "max [m]", "mean [m]", "median [m]", "SD [m]")
-    note = "The paper's rows are its published numbers: 180 s a trial, in its own simulator."
+    note = (
+        "The paper's rows are its published numbers: 180 s a trial, in its own simulator." if len(rows) > ours else ""
+    )
     return Table("Final task error", columns, tuple(rows), note, frozenset(range(ours, len(rows))))
 
 

@@ -39,7 +39,7 @@ def reproduce_tasks(size: str, out: Path, seed: int, threads: int, bar: Bar) -> 
     """Reuse, collect, train, try and report; the path of the page. Run again, it goes on where it stopped.
 
     Args:
-        size: name of the preset, that of each task's base (see `sizes_of`): of its data, classifier and recovery. With a
+        size: name of the preset of each task's base (see `sizes_of`), for its data, classifier and recovery. With a
             counted budget it gives budget and number of scenes, too; else all scenes are tried for `BUDGET`.
         out: folder of everything.
         seed: everything random derives from it.
