@@ -47,10 +47,23 @@ def reproduce(scenario: Scenario, preset: Preset, out: Path, seed: int, threads:
     scenes = _scenes(scenario, out, seed)
     config = TrialsConfig(scenario.name, models, scenes, preset.methods, preset.budget, seeds=preset.seeds,
                           limit=preset.scenes, traced=preset.traced, reference=preset.methods[0])  # fmt: skip
-    trials = Trials(config, out / "trials")
-    with bar(f"{scenario.name} trials", len(trials.missing), "trials") as advance:
-        trials.run(threads, lambda row: advance(1))
+    tried(config, out / "trials", threads, bar)
     return write_report([out], out / "report", videos=preset.videos, cameras=camera)
+
+
+def recorded(scenario: Scenario, config: CollectConfig, folder: Path, threads: int, bar: Bar) -> None:
+    """Record a dataset, or what is missing of it."""
+    total = config.trajectories * config.resolved(scenario)["steps"]
+    with bar(f"{scenario.name} {folder.name}", total, "transitions") as advance:
+        collect(scenario, config, folder, threads, advance)
+
+
+def tried(config: TrialsConfig, out: Path, workers: int, bar: Bar) -> Path:
+    """Run the trials that `out` does not hold yet; `out` is returned."""
+    trials = Trials(config, out)
+    with bar(f"{config.scenario} trials", len(trials.missing), "trials") as advance:
+        trials.run(workers, lambda row: advance(1))
+    return out
 
 
 def _scenes(scenario: Scenario, out: Path, seed: int) -> Path:
@@ -73,9 +86,7 @@ def _data(scenario: Scenario, preset: Preset, out: Path, seed: int, threads: int
     }
     folders = {name: out / "data" / name for name in wanted}
     for name, config in wanted.items():
-        total = config.trajectories * config.resolved(scenario)["steps"]
-        with bar(f"{scenario.name} {name}", total, "transitions") as advance:
-            collect(scenario, config, folders[name], threads, advance)
+        recorded(scenario, config, folders[name], threads, bar)
     return folders
 
 
