@@ -47,7 +47,30 @@ def test_no_scene_is_solved_at_the_start() -> None:
 def test_a_generator_that_solves_every_scene_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     draw: Callable[..., Scene] = FakeScenario.random_scene
     monkeypatch.setattr(FakeScenario, "random_scene", lambda self, rng, name: solved(draw(self, rng, name)))
-    with pytest.raises(SamplingError, match="not reached at the start"):
+    with pytest.raises(SamplingError, match="its goal is reached at the start"):
+        generate(FakeScenario(), "random", 1, 0)
+
+
+def test_what_does_not_validate_is_drawn_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    refused: list[Scene] = []
+
+    def validate(self: FakeScenario, scene: Scene) -> None:
+        if len(refused) % 3 < 2:
+            refused.append(scene)
+            raise FairleadError("out of reach")
+        refused.append(scene)
+
+    monkeypatch.setattr(FakeScenario, "validate", validate)
+    scenes = generate(FakeScenario(), "random", 3, 0)
+    assert [s.name for s in scenes] == [f"random-0-{i:03d}" for i in range(3)]
+    assert not any(scene in refused[:2] for scene in scenes)
+    assert len(refused) == 9
+
+    def never(self: FakeScenario, scene: Scene) -> None:
+        raise FairleadError("out of reach")
+
+    monkeypatch.setattr(FakeScenario, "validate", never)
+    with pytest.raises(SamplingError, match="out of reach"):
         generate(FakeScenario(), "random", 1, 0)
 
 

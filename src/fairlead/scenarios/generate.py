@@ -20,7 +20,7 @@ _TRIES = 100
 def generate(
     scenario: Scenario, kind: str, count: int, seed: int, advance: Callable[[int], None] = lambda _: None
 ) -> list[Scene]:
-    """`count` scenes, none with its goal reached at the start; scene i depends on the seed and i alone.
+    """`count` valid scenes, none with its goal reached at the start; scene i depends on the seed and i alone.
 
     Hard scenes take the hard kinds in turn.
 
@@ -31,23 +31,25 @@ def generate(
         raise FairleadError(f"count {count}: at least 1 is needed")
     scenes = []
     for i in range(count):
-        scene = _unsolved(scenario, kind, i, seed)
-        scenario.validate(scene)
-        scenes.append(scene)
+        scenes.append(_valid(scenario, kind, i, seed))
         advance(1)
     return scenes
 
 
-def _unsolved(scenario: Scenario, kind: str, i: int, seed: int) -> Scene:
-    """Scene i, drawn again while its goal is reached at the start."""
-    rng = stream(seed, "scene", kind, i)
+def _valid(scenario: Scenario, kind: str, i: int, seed: int) -> Scene:
+    """Scene i, drawn again while its goal is reached at the start or, say, the arms do not reach it any more."""
+    rng, problem = stream(seed, "scene", kind, i), "its goal is reached at the start"
     for _ in range(_TRIES):
         scene = _drawn(scenario, kind, i, seed, rng)
-        if not scene.goal.reached(scene.state(scenario.layout)[None])[0]:
+        if scene.goal.reached(scene.state(scenario.layout)[None])[0]:
+            continue
+        try:
+            scenario.validate(scene)
+        except FairleadError as error:
+            problem = str(error)
+        else:
             return scene
-    raise SamplingError(
-        f"{kind} scene whose goal is not reached at the start", _TRIES, "draw goals from a larger region"
-    )
+    raise SamplingError(f"valid {kind} scene", _TRIES, f"look at what was wrong with the last: {problem}")
 
 
 def _drawn(scenario: Scenario, kind: str, i: int, seed: int, rng: np.random.Generator) -> Scene:
