@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from typing import Any, final
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Self, final
 
 import numpy as np
 import torch
@@ -107,27 +108,51 @@ def probabilities(network: TrustNetwork, inputs: Inputs, count: int) -> Float[np
         return torch.sigmoid(torch.cat([network(*inputs(chunk)) for chunk in rows])).numpy()
 
 
+@dataclass(frozen=True)
+class Labelled:
+    """A dataset labelled at delta [m] under `rule`: its splits, and its training data under the other rules."""
+
+    delta: float
+    rule: str
+    splits: Mapping[str, Examples]
+    others: Mapping[str, Examples]
+
+    @classmethod
+    def by(cls, dynamics: Dynamics, data: Splits, delta: float, rule: str) -> Self:
+        """Labelled by the predictions of `dynamics`."""
+        splits = {name: label(dynamics, getattr(data, name), delta, rule) for name in ("train", "validation", "test")}
+        others = {other: label(dynamics, data.train, delta, other) for other in RULES if other != rule}
+        return cls(delta, rule, splits, others)
+
+    def at(self, delta: float) -> Self:
+        """The same at a smaller delta, without rolling out again."""
+        splits, others = ({name: e.at(delta) for name, e in of.items()} for of in (self.splits, self.others))
+        return type(self)(delta, self.rule, splits, others)
+
+
 def train_trust(dynamics: Dynamics, data: Splits, delta: float, config: TrustConfig, job: Job) -> LearnedCheck:
     """Label the data with the predictions of `dynamics` at `delta` [m], train a classifier and save it."""
-    started = time.monotonic()
-    whole = {name: label(dynamics, getattr(data, name), delta, config.rule) for name in ("train", "validation", "test")}
+    return fit_trust(Labelled.by(dynamics, data, delta, config.rule), config, job)
+
+
+def fit_trust(labelled: Labelled, config: TrustConfig, job: Job) -> LearnedCheck:
+    """Train a classifier on labelled data and save it."""
+    started, delta, whole = time.monotonic(), labelled.delta, labelled.splits
     limits = {"train": config.limit, "validation": HELD_OUT, "test": HELD_OUT}
     examples = {name: e.sample(limits[name], stream(job.seed, "examples", name)) for name, e in whole.items()}
-    network = build_network(data.layout, config, job.seed)
+    layout = whole["train"].layout
+    network = build_network(layout, config, job.seed)
     task = TrustTask(network, examples["train"], examples["validation"])
     key, title = job.key(f"trust at {delta!r}", config), f"trust ({config.network})"
     fit(task, config.stages, job.seed, job.folder, key=key, patience=config.patience, title=title)
-    metrics: dict[str, Any] = {"delta_m": delta, "rule": config.rule}
+    metrics: dict[str, Any] = {"delta_m": delta, "rule": labelled.rule}
     for name, found in examples.items():
         metrics[name] = classification(probabilities(network, network.prepare(found), len(found)), found.labels)
     metrics.update({f"test_{name}": metrics["test"][name] for name in ("accuracy", "precision", "recall", "auroc")})
     held_out = examples["validation"]
     metrics["spread_threshold_m"] = best_threshold(held_out.transitions.spread, held_out.labels)
-    other = {rule: label(dynamics, data.train, delta, rule) for rule in RULES if rule != config.rule}
-    metrics["rules"] = {rule: e.counts() for rule, e in {config.rule: whole["train"], **other}.items()}
-    save_model(
-        job, "trust", config.network, data.layout, config, network.state_dict(), metrics, time.monotonic() - started
-    )
+    metrics["rules"] = {rule: e.counts() for rule, e in {labelled.rule: whole["train"], **labelled.others}.items()}
+    save_model(job, "trust", config.network, layout, config, network.state_dict(), metrics, time.monotonic() - started)
     return LearnedCheck(network)
 
 
