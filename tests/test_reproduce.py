@@ -40,7 +40,7 @@ def line(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_method_was_tried_and_reported(line: Path) -> None:
-    rows = list(read_jsonl(line / "trials" / "trials.jsonl"))
+    rows = list(read_jsonl(line / "trials" / "benchmark" / "trials.jsonl"))
     assert {row["method"] for row in rows} == set(SMOKE.methods)
     page = (line / "report" / "report.html").read_text()
     assert all(method in page for method in SMOKE.methods)
@@ -50,7 +50,7 @@ def test_every_method_was_tried_and_reported(line: Path) -> None:
 def test_the_dual_arm_takes_the_same_line(tmp_path: Path) -> None:
     dual_arm = scenario("dual_arm")
     reproduce(dual_arm, preset(dual_arm, "smoke"), tmp_path, 0, 2, _no_bar)
-    rows = list(read_jsonl(tmp_path / "trials" / "trials.jsonl"))
+    rows = list(read_jsonl(tmp_path / "trials" / "benchmark" / "trials.jsonl"))
     assert {row["method"] for row in rows} == set(preset(dual_arm, "smoke").methods)
     assert "trust+recovery" in (tmp_path / "report" / "report.html").read_text()
 
@@ -58,7 +58,7 @@ def test_the_dual_arm_takes_the_same_line(tmp_path: Path) -> None:
 def test_a_movie_has_every_part_at_its_length(line: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A card lasts as long as it says, and a trial no longer than the longest: here a second, to be fast."""
     monkeypatch.setattr(movie, "LONGEST_S", 1)
-    trials, card = TrialSet(line / "trials"), Card("Title", ("a line",), 0.4)
+    trials, card = TrialSet(line / "trials" / "benchmark"), Card("Title", ("a line",), 0.4)
     parts: list[Card | Take] = [card, *takes(trials, 2), card]
     assert len(parts) == 3  # one scene was tried
     counted: list[Card | Take] = []
@@ -69,7 +69,7 @@ def test_a_movie_has_every_part_at_its_length(line: Path, tmp_path: Path, monkey
 
 
 def test_every_artifact_has_a_manifest(line: Path) -> None:
-    folders = [*(line / "data").iterdir(), *(line / "models").iterdir(), line / "trials", line / "report"]
+    folders = [*(line / "data").iterdir(), *(line / "models").iterdir(), *(line / "trials").iterdir(), line / "report"]
     for folder in folders:
         manifest = json.loads((folder / "manifest.json").read_text())
         assert manifest["files"], folder

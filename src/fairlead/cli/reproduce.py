@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -21,7 +23,9 @@ class Command:
     out: Path
     """Folder of data, models, trials and report."""
     preset: str = "desk"
-    """smoke (a minute), desk (about a quarter of an hour on two cores), paper (the paper's data sizes)."""
+    """smoke (a minute), desk (about a quarter of an hour on two cores), paper (the paper's data sizes; hours)."""
+    sensitivity: bool = False
+    """Train and try trust at other thresholds too (Fig. S2), as paper does."""
     seed: int = 0
     """Of every random stream."""
     threads: int = os.cpu_count() or 1
@@ -32,10 +36,14 @@ class Command:
     def run(self) -> None:
         """Run what is missing, and name the page."""
         from fairlead.reproduce.line import reproduce
-        from fairlead.reproduce.presets import preset
+        from fairlead.reproduce.presets import SensitivityConfig, preset
         from fairlead.scenarios.registry import scenario
 
         world = scenario(self.scenario)
-        page = reproduce(world, preset(world, self.preset), self.out, self.seed, self.threads, progress_bar)
+        sizes = preset(world, self.preset)
+        if self.sensitivity:
+            sizes = replace(sizes, sensitivity=sizes.sensitivity or SensitivityConfig())
+        tell = partial(print, file=sys.stderr)
+        page = reproduce(world, sizes, self.out, self.seed, self.threads, progress_bar, tell)
         videos = sorted((page.parent / "videos").glob("*.mp4"))
         show({"page": str(page), **({"video": str(videos[0])} if videos else {})}, self.json)
