@@ -12,10 +12,12 @@ from typing import Any
 import jinja2
 from matplotlib.figure import Figure
 
-from fairlead.core.artifacts import MANIFEST, Manifest, read_json, read_manifest, sha256, write_atomic
+from fairlead.core.artifacts import MANIFEST, Manifest, read_manifest, sha256, write_atomic
 from fairlead.core.budget import Budget
 from fairlead.core.records import TrialOutcome
 from fairlead.report import evidence_figures, figures, model_figures, tables
+from fairlead.report.provenance import provenance_table
+from fairlead.report.sensitivity import threshold_sensitivity
 from fairlead.report.sources import Sources, TrialSet, find_sources
 from fairlead.report.stage import Cameras, no_camera
 from fairlead.report.style import OUTCOMES, method_style, to_svg
@@ -169,26 +171,14 @@ def _evidence_section(sources: Sources, save: _Figures) -> _Section | None:
     return section
 
 
-def _provenance(sources: Sources) -> Table:
-    folders = [*(t.folder for t in sources.trials), *(m.folder for m in sources.models), *sources.datasets]
-    found = [(folder, read_json(folder / MANIFEST)) for folder in [*folders, *sources.evidence]]
-    rows = [
-        (
-            folder.name,
-            manifest["kind"],
-            str(manifest["seed"]),
-            manifest["git"],
-            sha256(folder / MANIFEST)[:12],
-            f"{manifest['wall_s']:.0f}",
-            f"{manifest['hardware']['cores']} x {manifest['hardware']['machine']}",
-            ", ".join(
-                f"{k} {v}" for k, v in manifest["versions"].items() if k in ("python", "mujoco", "torch", "ompl")
-            ),
-        )
-        for folder, manifest in found
-    ]
-    columns = ("artifact", "kind", "seed", "revision", "manifest SHA-256", "wall [s]", "cores", "versions")
-    return Table("Artifacts", columns, tuple(rows))
+def _sensitivity_section(folder: Path, number: int, save: _Figures) -> _Section:
+    title, table, canvas = threshold_sensitivity(folder)
+    caption = "Threshold sensitivity (Fig. S2): a classifier for each δ. Dashed: the δ of the dynamics."
+    lead = (
+        "The same classifier, trained at one δ after another and tried on the same random scenes, drawn for this alone."
+    )
+    picture = save.save(f"sensitivity-{number}", canvas, caption)
+    return _Section(title, lead, tables=[table], pictures=[picture])
 
 
 def _headline(sources: Sources) -> tuple[str, str]:
@@ -218,9 +208,10 @@ def write_report(folders: Sequence[Path], out: Path, videos: bool = True, camera
     for trials in sources.trials:
         clips = make_videos(trials, out / "videos", cameras) if videos else []
         sections.append(_trial_section(trials, save, trials.folder.name, clips))
+    sections += [_sensitivity_section(folder, n, save) for n, folder in enumerate(sources.sensitivity)]
     sections += [_learning_section(sources, save), _evidence_section(sources, save)]
     present = [section for section in sections if section is not None]
-    (title, headline), provenance = _headline(sources), _provenance(sources)
+    (title, headline), provenance = _headline(sources), provenance_table(sources)
     loader = jinja2.PackageLoader("fairlead.report", "templates")
     template = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
     page = template.get_template("page.html").render(
