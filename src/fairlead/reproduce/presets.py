@@ -125,6 +125,7 @@ _DUAL_SMOKE = Preset(
     methods=LEARNED, budget=Budget(extensions=200), sets={"benchmark": 1}, traced=1, videos=False,
 )  # fmt: skip
 
+# Obstacles that move every 8 trajectories show a dual-arm classifier so few arrangements that it learns them by heart.
 _DUAL_DESK = Preset(
     phase1=1024, phase2=512, full=1024,
     dynamics=DynamicsConfig(planar=False, stages=(Stage(40, 128, 2e-3), Stage(4, 128, 5e-4, 4))),
