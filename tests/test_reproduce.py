@@ -110,7 +110,7 @@ def test_thresholds_share_their_labels_and_change_nothing(line: Path, tmp_path: 
     """A classifier is the same as one trained alone, again nothing is made again, and the page shows them as one."""
     data, dynamics, out = line / "data" / "phase2", line / "models" / "dynamics", tmp_path / "sensitivity"
     delta = load_delta(dynamics, "dragging")
-    config = SensitivityConfig((delta, 2 * delta), scenes=1, budget=Budget(extensions=50))
+    config = SensitivityConfig((delta / 2, delta), scenes=1, budget=Budget(extensions=50))
     for _ in range(2):
         sensitivity(DRAGGING, config, SMOKE.trust_sdf, data, dynamics, out, 0, 1, _no_bar)
         made = {path: path.stat().st_mtime_ns for path in out.glob("*/*/manifest.json")}

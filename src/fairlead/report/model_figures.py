@@ -61,7 +61,7 @@ def learning_table(scenario: str, models: Sequence[Model]) -> Table:
             text = f"{counts['examples']:,}, {percent(counts['reliable'])} reliable"
             rows.append((f"{model.name}: training examples by the rule of the {rule}", text, "-"))
     note = "The paper's classifier and recovery see voxels, as trust and recovery here; -sdf see signed distances."
-    return Table(f"{scenario}, beside the paper", ("on test data", "here", "paper"), tuple(rows), note)
+    return Table(f"{scenario}, beside the paper", ("model", "here", "paper"), tuple(rows), note)
 
 
 def recovery_table(models: Sequence[Model]) -> Table:

@@ -33,7 +33,7 @@ def threshold_sensitivity(folder: Path) -> tuple[str, Table, Figure]:
             axes.plot(deltas, values, color=colour, linestyle=dashes, marker="o", markersize=3, label=label)
         axes.axvline(about.extra["own_delta_m"], color=MUTED, linestyle=(0, (4, 3)), linewidth=1)
         axes.set(ylim=(0, 103), xlabel="δ [m]", ylabel="%")
-        canvas.legend(loc="outside right upper")
+        canvas.legend(loc="outside right upper", handlelength=3.5)
     columns = ("δ [m]", "success", "first plan alone", "mean error [m]", "stuck trials", "examples", "reliable",
                "accepted", "accuracy")  # fmt: skip
     lines = [

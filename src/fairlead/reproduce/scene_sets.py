@@ -36,7 +36,7 @@ def scene_sets(
             if name == "benchmark":
                 found[name] = drawn(scenario, out / "scenes.json", SCENES, seed)
             else:
-                tell(f"the {name} scenes are left out: {error}")
+                tell(f"the scenes '{name}' are left out: {error}")
     return found
 
 

@@ -22,7 +22,7 @@ Bar = Callable[[str, int, str], AbstractContextManager[Callable[[int], None]]]
 def try_all(config: TrialsConfig, out: Path, workers: int, bar: Bar) -> dict[str, Any]:
     """Run the trials that the folder `out` lacks; the summary of all that it holds."""
     trials = Trials(config, out)
-    with bar(f"{config.scenario} {out.name} trials", len(trials.missing), "trials") as advance:
+    with bar(f"{config.scenario} {out.parent.name}/{out.name}", len(trials.missing), "trials") as advance:
         return trials.run(workers, lambda row: advance(1))
 
 
