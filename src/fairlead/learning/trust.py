@@ -132,12 +132,14 @@ class Labelled:
 
 def train_trust(dynamics: Dynamics, data: Splits, delta: float, config: TrustConfig, job: Job) -> LearnedCheck:
     """Label the data with the predictions of `dynamics` at `delta` [m], train a classifier and save it."""
-    return fit_trust(Labelled.by(dynamics, data, delta, config.rule), config, job)
+    started = time.monotonic()
+    return fit_trust(Labelled.by(dynamics, data, delta, config.rule), config, job, started)
 
 
-def fit_trust(labelled: Labelled, config: TrustConfig, job: Job) -> LearnedCheck:
-    """Train a classifier on labelled data and save it."""
-    started, delta, whole = time.monotonic(), labelled.delta, labelled.splits
+def fit_trust(labelled: Labelled, config: TrustConfig, job: Job, started: float | None = None) -> LearnedCheck:
+    """Train a classifier on labelled data and save it; its wall time counts from `started`, or from now."""
+    started = time.monotonic() if started is None else started
+    delta, whole = labelled.delta, labelled.splits
     limits = {"train": config.limit, "validation": HELD_OUT, "test": HELD_OUT}
     examples = {name: e.sample(limits[name], stream(job.seed, "examples", name)) for name, e in whole.items()}
     layout = whole["train"].layout
