@@ -56,7 +56,7 @@ def trajectories(count: int, steps: int, scenes: int, rng: np.random.Generator) 
         free = np.array([not worlds[s].occupied(t) for s, t in zip(scene, target, strict=True)])
         actions.append(target)
         states.append(np.where(free[:, None], follow(states[-1], target), states[-1]))
-    return Trajectories(LAYOUT, np.stack(states, 1), np.stack(actions, 1), scene, worlds)
+    return Trajectories(LAYOUT, np.stack(states, 1), np.stack(actions, 1), np.zeros((count, steps), int), scene, worlds)
 
 
 def splits(count: int, steps: int, scenes: int, seed: int = 0) -> Splits:

@@ -130,6 +130,16 @@ REFUSED = {
     ("evaluate", *EVALUATE, "--methods", "trust", "--methods", "accept-all"): "--methods is given 2 times",
     ("evaluate", *EVALUATE, "--methods=trust", "--methods", "oracle"): "--methods is given 2 times",
     ("plan", *EVALUATE[:-2], "--scene", "a", "--scene", "b", "--trace", "new"): "--scene is given 2 times",
+    (
+        "plan",
+        *EVALUATE[:-2],
+        "--scene",
+        "a",
+        "--trace",
+        "t",
+        "--export",
+        "plan.xml",
+    ): "plan.xml: a trajectory is written",
     ("report", "runs", "--no-videos", "--no_videos"): "--no-videos is given 2 times",
 }
 

@@ -12,10 +12,10 @@ from jaxtyping import Float
 
 from fairlead.core.errors import UnknownNameError
 from fairlead.core.layout import StateLayout
-from fairlead.core.records import Prediction
+from fairlead.core.records import ActionOutcome, Prediction
 from fairlead.core.roles import Dynamics, Environment
 from fairlead.geometry.distance import model_error
-from fairlead.learning.labels import FIGURE_STEPS, RULES, label
+from fairlead.learning.labels import CUT_BY_ARMS, FIGURE_STEPS, RULES, label
 from fairlead.learning.metrics import auroc, classification
 from rope_data import LAYOUT, follow, trajectories
 
@@ -112,6 +112,19 @@ def test_a_limit_takes_a_seeded_sample_of_the_same_examples() -> None:
     assert len(one) == 20
     assert {tuple(row) for row in one.source.tolist()} < whole
     assert (one.source == same.source).all()
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_what_the_arms_cut_short_may_be_left_out_and_nothing_else(rule: str) -> None:
+    rng = np.random.default_rng(2)
+    data = trajectories(6, 6, 2, rng)
+    cut = tuple(ActionOutcome).index(ActionOutcome.JOINT_LIMIT)
+    data.outcomes[:] = rng.choice([0, cut], data.outcomes.shape)
+    whole, known = (label(FollowDynamics(0.0), data, DELTA, rule, leave_out=o) for o in ((), CUT_BY_ARMS))
+    kept = data.outcomes[whole.source[:, 0], whole.source[:, 2]] != cut
+    assert 0 < kept.sum() < len(kept)
+    np.testing.assert_array_equal(known.source, whole.source[kept])
+    np.testing.assert_array_equal(known.labels, whole.labels[kept])
 
 
 def test_unknown_rule() -> None:

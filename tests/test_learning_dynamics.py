@@ -123,7 +123,7 @@ def test_robots_that_hold_nothing_are_learned(network: str, names: tuple[str, ..
     layout, rng = StateLayout(names, 0), np.random.default_rng(0)
     moves = np.pad(rng.uniform(-0.1, 0.1, (4, 5, len(names), 2)), ((0, 0), (0, 0), (0, 0), (0, 1)))
     states = np.concatenate([np.zeros((4, 1, layout.state_size)), moves.reshape(4, 5, -1).cumsum(1)], axis=1)
-    data = Trajectories(layout, states, states[:, 1:], np.zeros(4, int), [FREE])
+    data = Trajectories(layout, states, states[:, 1:], np.zeros((4, 5), int), np.zeros(4, int), [FREE])
     module = Ensemble(layout, DynamicsConfig(network, hidden=16, members=2), 0)
     task = RolloutTask(module, lambda s, a, _: module(s, a), LearnedDynamics(module), Splits(data, data, data), 2)
     stage = Stage(1, 8, horizon=2)

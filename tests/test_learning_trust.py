@@ -13,17 +13,19 @@ import torch
 
 from fairlead.core.contracts import check_transition_check
 from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
+from fairlead.core.layout import StateLayout
+from fairlead.core.records import Transitions
 from fairlead.geometry.fields import BoxEnvironment
 from fairlead.geometry.shapes import Box
 from fairlead.geometry.voxels import Occupancy, VoxelGrid
 from fairlead.learning.fit import Stage
-from fairlead.learning.labels import label
+from fairlead.learning.labels import Examples, label
 from fairlead.learning.model_files import Job
 from fairlead.learning.registry import load_check
 from fairlead.learning.trust import LearnedCheck, balanced_order, build_network, probabilities, train_trust
 from fairlead.learning.trust_network import NETWORKS, PAPER_GRID, TrustConfig
 from fairlead.learning.trust_voxel import VoxelEncoder, transformed, transformed_grid
-from rope_data import LAYOUT, splits
+from rope_data import BOUNDS, LAYOUT, splits
 from test_labels import DELTA, FollowDynamics
 
 DYNAMICS = FollowDynamics(0.002)
@@ -77,27 +79,54 @@ def test_not_a_number_is_not_accepted(name: str) -> None:
     assert np.isfinite(found[[0, 2]]).all()
 
 
-def test_mirroring_an_example_mirrors_its_features() -> None:
-    network = build_network(LAYOUT, CONFIGS["sdf"], 0)
-    examples = label(DYNAMICS, DATA.test, DELTA)
-    environment, rows = next(examples.by_scene())
-    t = examples.take(rows[:20]).transitions
+@pytest.mark.parametrize(("grippers", "planar"), [(1, True), (1, False), (2, True), (2, False)])
+def test_augmented_features_are_those_of_the_mirrored_and_exchanged_scene(grippers: int, planar: bool) -> None:
+    layout, rng = StateLayout(("left", "right")[:grippers], 4), np.random.default_rng(0)
+    network = build_network(layout, TrustConfig("sdf", planar=planar, hidden=8), 0)
+    states, after = rng.uniform(-0.3, 0.3, (2, 40, layout.state_size))
+    actions = rng.uniform(-0.3, 0.3, (40, layout.action_size))
+    boxes = [Box((0.2, 0.3, 0.1), (0.1, 0.2, 0.0)), Box((0.1, 0.1, 0.4), (-0.2, 0.0, 0.1))]
 
-    def mirrored(x: np.ndarray) -> np.ndarray:
-        return (x.reshape(len(x), -1, 3) * [1, -1, 1]).reshape(x.shape).astype(x.dtype)
+    def features(mirror: bool, exchange: bool) -> tuple[np.ndarray, ...]:
+        sign = np.array([1.0, -1.0 if mirror else 1.0, 1.0])
+        order = [1, 0, *range(layout.state_size // 3 - 1, 1, -1)] if exchange else slice(None)
+        seen = [(x.reshape(40, -1, 3) * sign)[:, order].reshape(40, -1) for x in (states, after)]
+        asked = (actions.reshape(40, -1, 3) * sign)[:, :: -1 if exchange else 1].reshape(40, -1)
+        world = BoxEnvironment([Box(b.size, tuple(sign * b.position)) for b in boxes], BOUNDS)
+        t = Transitions(seen[0], asked, seen[1], np.linspace(0.01, 0.2, 40))
+        return network._features(t, *(network.encode(world, x) for x in seen))
 
-    def mirrored_field(x: np.ndarray) -> np.ndarray:
-        return (x.reshape(len(x), -1, 4) * [1, 1, -1, 1]).reshape(x.shape).astype(x.dtype)
+    changes = [features(m, e) for m in (False, True) for e in ((False, True) if grippers == 2 else (False,))]
+    chain, whole = network.augment(tuple(map(torch.from_numpy, changes[0])), rng)
+    off = [np.abs(chain.numpy() - c).max((1, 2)) + np.abs(whole.numpy() - w).max(1) for c, w in changes]
+    nearest = np.argmin(off, axis=0)
+    assert np.min(off, axis=0).max() < 1e-4
+    assert set(nearest) == set(range(len(changes)))
 
-    fields = network.encode(environment, t.states), network.encode(environment, t.next_states)
-    other = replace(t, states=mirrored(t.states), actions=mirrored(t.actions), next_states=mirrored(t.next_states))
-    straight = network._features(t, *fields)
-    reflected = network._features(other, *map(mirrored_field, fields))
-    (flipped,) = network.augment((torch.from_numpy(straight),), np.random.default_rng(0))
-    was_flipped = np.abs(flipped.numpy() - straight).max(1) > 1e-6
-    assert was_flipped.any()
-    assert not was_flipped.all()
-    np.testing.assert_allclose(flipped.numpy()[was_flipped], reflected[was_flipped], atol=1e-4)
+
+def test_a_voxel_example_with_its_ends_exchanged_is_that_of_the_exchanged_object() -> None:
+    layout, rng = StateLayout(("left", "right"), 4), np.random.default_rng(0)
+    network = build_network(layout, TrustConfig("voxel", planar=False, hidden=8, grid=VoxelGrid((22,) * 3, 0.04)), 0)
+    states, after = rng.uniform(-0.3, 0.3, (2, 3, layout.state_size))
+    actions = rng.uniform(-0.3, 0.3, (3, layout.action_size))
+    world = BoxEnvironment([Box((0.2, 0.3, 0.1), (0.1, 0.2, 0.0))], 3 * BOUNDS)
+
+    def inputs(order: list[int]) -> tuple[torch.Tensor, ...]:
+        seen = [x.reshape(3, -1, 3)[:, order].reshape(3, -1) for x in (states, after)]
+        t = Transitions(seen[0], actions.reshape(3, -1, 3)[:, order[:2]].reshape(3, -1), seen[1], np.full(3, 0.1))
+        zeros = np.zeros(3, int)
+        examples = Examples(
+            layout, [world], t, np.ones(3, bool), np.zeros(3), np.zeros(3), zeros, np.zeros((3, 3), int)
+        )
+        return network.prepare(examples)(np.arange(3))
+
+    straight, exchanged = inputs([0, 1, 2, 3, 4, 5]), inputs([1, 0, 5, 4, 3, 2])
+    draws = [network.augment(straight, np.random.default_rng(seed)) for seed in range(64)]
+    assert any(all(torch.allclose(x, y, atol=1e-5) for x, y in zip(d, exchanged, strict=True)) for d in draws)
+    assert any(all(torch.allclose(x, y, atol=1e-5) for x, y in zip(d, straight, strict=True)) for d in draws)
+    fixed = replace(network.config, reach_known=False)
+    network.config = fixed
+    assert network.augment(straight, rng) is straight
 
 
 @pytest.mark.parametrize("symmetry", list(itertools.product([0, 1], repeat=3)))

@@ -23,10 +23,10 @@ from fairlead.report.drawing import outline
 from fairlead.report.model_figures import metrics_tables
 from fairlead.report.movie import recoveries, takes
 from fairlead.report.page import write_report
-from fairlead.report.playback import Branches, Episode, Recording, views
+from fairlead.report.playback import FPS, SPEED, Branches, Episode, Recording, as_predicted, views
 from fairlead.report.sources import TrialSet, find_sources
-from fairlead.report.tables import Table, actions_table, success_table
-from fairlead.report.video import Panel, frame, write_video
+from fairlead.report.tables import Table, actions_table, overview_table, success_table
+from fairlead.report.video import Panel, frame, within, write_video
 from fairlead.reproduce.cameras import camera
 from fairlead.scenarios.registry import scenario
 
@@ -126,6 +126,40 @@ def test_frames_tell_the_trial_in_order(steps: list[int], seed: int) -> None:
     assert shown[-1].ended
     assert shown[-1].state == pytest.approx(recording.episodes[-1].executed[-1])
     assert shown[-1].plans == len(steps)
+
+
+@given(st.lists(st.integers(0, 4), min_size=1, max_size=3), st.integers(0, 100))
+def test_what_was_foretold_plays_frame_for_frame_beside_what_happened(steps: list[int], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    happened = made_up_recording(synthetic.scene("s", rng), tuple(steps), rng)
+    foretold = as_predicted(happened, "foretold")
+    pairs = list(zip(views(foretold), views(happened), strict=True))
+    assert [(a.phase, a.seconds, a.plans) for a, _ in pairs] == [(b.phase, b.seconds, b.plans) for _, b in pairs]
+    for told, episode in zip(foretold.episodes, happened.episodes, strict=True):
+        assert told.executed == pytest.approx(episode.executed + 0.01)  # as the recording was made up
+        assert told.errors == pytest.approx(np.sqrt(3) * 0.01)
+
+
+@given(st.integers(1, 2000), st.sampled_from([1.0, 3.0, 20.0]))
+def test_a_long_trial_plays_faster_and_to_its_end(count: int, longest_s: float) -> None:
+    frames: list[list[Any]] = [[number] for number in range(count)]
+    shown, speed = within(frames, longest_s)
+    assert len(shown) <= longest_s * FPS + 1
+    assert (shown[0], shown[-1]) == (frames[0], frames[-1])
+    assert speed == SPEED * max(1, shown[1][0] if len(shown) > 2 else 1)
+
+
+def test_several_sets_of_trials_are_seen_at_a_glance() -> None:
+    one, two = (summarise(synthetic.rows(scenes), tuple(synthetic.RATES), 0) for scenes in (4, 8))
+    only = {**two, "order": ["trust"], "methods": {"trust": two["methods"]["trust"]}}
+    table = overview_table({"one": one, "two": two})
+    assert [row[0] for row in table.rows] == ["one", "two", "mean"]
+    rates = [100 * found["methods"]["trust"]["success"]["value"] for found in (one, two)]
+    shown = [float(row[table.columns.index("trust")].split(" %")[0]) for row in table.rows]
+    assert shown == pytest.approx([*rates, np.mean(rates)], abs=0.51)
+    partly = overview_table({"one": one, "only": only})
+    assert partly.rows[1][partly.columns.index("accept-all")] == "-"
+    assert partly.rows[-1][partly.columns.index("accept-all")] == "-"
 
 
 def test_video_is_written_and_its_frames_are_not_empty(tmp_path: Path) -> None:
@@ -235,7 +269,7 @@ def test_an_untrained_recovery_is_called_that(tmp_path: Path) -> None:
     learned = {name: {**found, "labels": labels, "log_loss": 0.25} for name, found in examined.items()}
     for name, metrics in (("recovery", {"trained": False, **examined}), ("recovery-sdf", {"trained": True, **learned})):
         write_json(tmp_path / name / "metrics.json", metrics)
-        Manifest("model", {"kind": "recovery"}, 0, {}, {}, {}).write(tmp_path / name)
+        Manifest("model", {"kind": "recovery", "config": name}, 0, {}, {}, {}).write(tmp_path / name)
     write_report([tmp_path], tmp_path / "report", videos=False)
     text = (tmp_path / "report" / "report.md").read_text()
     assert "recovery was NOT trained and acts at random: 14 stuck states in 3,000 (train)" in text

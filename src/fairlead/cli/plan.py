@@ -37,6 +37,9 @@ class Command:
     """Of the trial."""
     video: Path | None = None
     """An MP4 of the trial."""
+    export: Path | None = None
+    """The first plan, as predicted, for a robot's own player: a .csv or .json of times, gripper positions and, where
+    there are arms, joint angles."""
     json: bool = False
     """Print one JSON object."""
 
@@ -44,15 +47,19 @@ class Command:
         """Plan, execute, print how it ended."""
         from fairlead.core.budget import Budget
         from fairlead.core.errors import ArtifactError
+        from fairlead.core.traces import read_trace
         from fairlead.evaluation.bench import Bench, Job, TrialsConfig
         from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
         from fairlead.execution.trial import Protocol
         from fairlead.report.video import write_video
         from fairlead.report.videos import panels
         from fairlead.reproduce.cameras import camera
+        from fairlead.scenarios.trajectory import planned, require_format
 
         if self.trace.exists():
             raise ArtifactError(self.trace, "exists already; a trace needs a new folder")
+        if self.export is not None:
+            require_format(self.export)
         budget, protocol = Budget.parse(self.budget), Protocol.of(self.protocol)
         models = self.models or shipped_models(self.scenario)
         scenes = self.scenes or benchmark_scenes(self.scenario)
@@ -63,4 +70,7 @@ class Command:
             with panels(self.scenario, scene.written(), {self.method: self.trace}, camera) as single:
                 write_video(self.video, single)
             row["video"] = str(self.video)
+        if self.export is not None:
+            planned(bench.scenario, scene, read_trace(self.trace)).write(self.export)
+            row["export"] = str(self.export)
         show(row | {"trace": str(self.trace)}, self.json)

@@ -139,12 +139,14 @@ class Plan:
 class Trajectories:
     """Recorded trajectories of equal length T, each in one of `environments`: what learning reads.
 
-    states[n, t] is s^t of trajectory n, actions[n, t] leads from s^t to s^{t+1}; scene[n] indexes `environments`.
+    states[n, t] is s^t of trajectory n, actions[n, t] leads from s^t to s^{t+1}, outcomes[n, t] says how it ended
+    (an index into `tuple(ActionOutcome)`); scene[n] indexes `environments`.
     """
 
     layout: StateLayout
     states: Float[np.ndarray, "trajectory steps_and_one state"]
     actions: Float[np.ndarray, "trajectory steps action"]
+    outcomes: Int[np.ndarray, "trajectory steps"]
     scene: Int[np.ndarray, " trajectory"]
     environments: Sequence[Environment]
 

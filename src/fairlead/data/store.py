@@ -79,6 +79,7 @@ def load(folder: Path, split: str, scenario: Scenario) -> Trajectories:
         layout=scenario.layout,
         states=np.concatenate([shard.states[chosen] for shard, chosen in parts]),
         actions=np.concatenate([shard.actions[chosen] for shard, chosen in parts]),
+        outcomes=np.concatenate([shard.outcomes[chosen] for shard, chosen in parts]),
         scene=np.concatenate([shard.scene[chosen] for shard, chosen in parts]),
         environments=[scenario.environment(obstacles) for obstacles in scenes],
     )

@@ -106,13 +106,13 @@ class BoxEnvironment(Environment):
         beyond = np.maximum(q, 0.0)
         outside = np.sqrt(beyond[0] * beyond[0] + beyond[1] * beyond[1] + beyond[2] * beyond[2])
         distance = outside + np.minimum(np.maximum(np.maximum(q[0], q[1]), q[2]), 0.0)
-        at = distance.argmin(axis=0), np.arange(flat.shape[1])
-        local, q, beyond, outside = local[:, *at], q[:, *at], beyond[:, *at], outside[at]
-        inward = np.arange(3)[:, None] == q.argmax(axis=0)
-        normal = np.sign(local) * np.where(outside > 0, beyond / np.maximum(outside, 1e-12), inward)
+        box, point = distance.argmin(axis=0), np.arange(flat.shape[1])
+        outside, beyond = outside[box, point], beyond[:, box, point]
+        inward = (outside <= 0) & (np.arange(3)[:, None] == q[:, box, point].argmax(axis=0))
+        normal = np.copysign(beyond / np.maximum(outside, 1e-12) + inward, local[:, box, point])
         rows = found.reshape(-1, 4)
-        rows[:, 0] = distance[at]
-        rows[:, 1:] = np.einsum("anx,an->nx", turns[:, at[0]], normal)
+        rows[:, 0] = distance[box, point]
+        rows[:, 1:] = np.sum(turns[:, box] * normal[..., None], axis=0)
         return found
 
     def occupied(self, points: Float[np.ndarray, "*batch 3"]) -> Bool[np.ndarray, "*batch"]:

@@ -6,12 +6,13 @@ Two rules, and a count of each:
           steps; each of its transitions whose start states are close, d(s_hat^t, s^t) < delta, is an example.
 `text`    as the text says: one rollout from the start of each trajectory; what follows the first label 0 is dropped.
 
-The label is d(s_hat^{t+1}, s^{t+1}) < delta in both.
+The label is d(s_hat^{t+1}, s^{t+1}) < delta in both. Actions that ended in certain ways may be left out: what an arm
+cut short says nothing of the model, where the arms are known (docs/adr/0009).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -20,13 +21,14 @@ from jaxtyping import Bool, Float, Float32, Int
 
 from fairlead.core.errors import FairleadError, UnknownNameError
 from fairlead.core.layout import StateLayout
-from fairlead.core.records import Trajectories, Transitions
+from fairlead.core.records import ActionOutcome, Trajectories, Transitions
 from fairlead.core.roles import Dynamics, Environment
 from fairlead.geometry.distance import model_error
 from fairlead.learning.rollout import roll_out
 
 RULES = ("figure", "text")
 FIGURE_STEPS = 20
+CUT_BY_ARMS = (ActionOutcome.JOINT_LIMIT, ActionOutcome.ARM_COLLISION)
 
 
 @dataclass(frozen=True)
@@ -86,8 +88,11 @@ def label(
     rule: str = "figure",
     limit: int | None = None,
     rng: np.random.Generator | None = None,
+    leave_out: Collection[ActionOutcome] = (),
 ) -> Examples:
     """The examples of `data` under the mean predictions of `dynamics`; with `limit`, a uniform sample of so many.
+
+    Actions whose outcome is in `leave_out` are no examples.
 
     Raises:
         UnknownNameError: a rule that is not in `RULES`.
@@ -97,11 +102,12 @@ def label(
         raise UnknownNameError("labelling rule", rule, RULES)
     if limit is not None and rng is None:
         raise FairleadError("a limit on examples needs a random stream to choose them with")
+    wanted = ~np.isin(data.outcomes, [i for i, outcome in enumerate(ActionOutcome) if outcome in leave_out])
     parts: list[list[np.ndarray]] = []
     for scene in np.unique(data.scene):
         rows = np.flatnonzero(data.scene == scene)
         environment = data.environments[scene]
-        found = (_figure if rule == "figure" else _text)(dynamics, environment, data, rows, delta)
+        found = (_figure if rule == "figure" else _text)(dynamics, environment, data, wanted, rows, delta)
         parts.append([*found, np.full(len(found[0]), scene)])
     states, actions, next_states, spread, error, before, source, scenes = (
         np.concatenate(column) for column in zip(*parts, strict=True)
@@ -115,7 +121,12 @@ _Found = tuple[Float32[np.ndarray, "example _"], ...]
 
 
 def _figure(
-    dynamics: Dynamics, environment: Environment, data: Trajectories, rows: Int[np.ndarray, " row"], delta: float
+    dynamics: Dynamics,
+    environment: Environment,
+    data: Trajectories,
+    wanted: Bool[np.ndarray, "trajectory steps"],
+    rows: Int[np.ndarray, " row"],
+    delta: float,
 ) -> _Found:
     """Rollouts from every state; each transition whose start states are close."""
     length = data.actions.shape[1]
@@ -128,22 +139,27 @@ def _figure(
     actual_at = np.minimum(begin[:, None] + np.arange(steps + 1), length)
     actual = data.states[rows][:, actual_at].reshape(predicted.shape)
     error = model_error(data.layout, predicted, actual).astype(np.float32)
-    recorded = np.tile(begin[:, None] + np.arange(steps) < length, (len(rows), 1))
+    recorded = (begin[:, None] + np.arange(steps) < length) & wanted[rows][:, at]
     before = error[:, :-1]
-    rollout, step = np.nonzero(recorded & (before < delta))
+    rollout, step = np.nonzero(recorded.reshape(-1, steps) & (before < delta))
     first = np.tile(begin, len(rows))[rollout]
     source = np.stack([rows[rollout // length], first, first + step], axis=1)
     return _gather(predicted, actions, spread, error, before, rollout, step, source)
 
 
 def _text(
-    dynamics: Dynamics, environment: Environment, data: Trajectories, rows: Int[np.ndarray, " row"], delta: float
+    dynamics: Dynamics,
+    environment: Environment,
+    data: Trajectories,
+    wanted: Bool[np.ndarray, "trajectory steps"],
+    rows: Int[np.ndarray, " row"],
+    delta: float,
 ) -> _Found:
     """One rollout from each start; everything up to and including the first label 0."""
     predicted, spread = roll_out(dynamics, environment, data.states[rows, 0], data.actions[rows])
     error = model_error(data.layout, predicted, data.states[rows]).astype(np.float32)
     before = np.maximum.accumulate(error[:, :-1], axis=1)
-    rollout, step = np.nonzero(before < delta)
+    rollout, step = np.nonzero((before < delta) & wanted[rows])
     source = np.stack([rows[rollout], np.zeros_like(step), step], axis=1)
     return _gather(predicted, data.actions[rows], spread, error, before, rollout, step, source)
 

@@ -14,12 +14,12 @@ from torch import Tensor, nn
 
 from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
-from fairlead.core.records import Transitions
+from fairlead.core.records import Trajectories, Transitions
 from fairlead.core.roles import Dynamics, Environment, TransitionCheck
 from fairlead.core.streams import stream, stream_seed
 from fairlead.geometry.voxels import VoxelGrid
 from fairlead.learning.fit import Stage, Task, fit
-from fairlead.learning.labels import RULES, Examples, label
+from fairlead.learning.labels import CUT_BY_ARMS, RULES, Examples, label
 from fairlead.learning.metrics import balanced_log_loss, best_threshold, classification
 from fairlead.learning.model_files import Job, ModelFile, save_model
 from fairlead.learning.rollout import Splits
@@ -110,7 +110,7 @@ def probabilities(network: TrustNetwork, inputs: Inputs, count: int) -> Float[np
 
 @dataclass(frozen=True)
 class Labelled:
-    """A dataset labelled at delta [m] under `rule`: its splits, and its training data under the other rules."""
+    """A dataset labelled at delta [m]: its splits under a rule, and its training data under the other rules."""
 
     delta: float
     rule: str
@@ -118,11 +118,16 @@ class Labelled:
     others: Mapping[str, Examples]
 
     @classmethod
-    def by(cls, dynamics: Dynamics, data: Splits, delta: float, rule: str) -> Self:
-        """Labelled by the predictions of `dynamics`."""
-        splits = {name: label(dynamics, getattr(data, name), delta, rule) for name in ("train", "validation", "test")}
-        others = {other: label(dynamics, data.train, delta, other) for other in RULES if other != rule}
-        return cls(delta, rule, splits, others)
+    def by(cls, dynamics: Dynamics, data: Splits, delta: float, config: TrustConfig) -> Self:
+        """Labelled by the predictions of `dynamics`, for a classifier of that configuration but for its delta."""
+        leave_out = CUT_BY_ARMS if config.reach_known else ()
+
+        def labelled(split: Trajectories, rule: str) -> Examples:
+            return label(dynamics, split, delta, rule, leave_out=leave_out)
+
+        splits = {name: labelled(getattr(data, name), config.rule) for name in ("train", "validation", "test")}
+        others = {rule: labelled(data.train, rule) for rule in RULES if rule != config.rule}
+        return cls(delta, config.rule, splits, others)
 
     def at(self, delta: float) -> Self:
         """The same at a smaller delta, without rolling out again."""
@@ -133,7 +138,7 @@ class Labelled:
 def train_trust(dynamics: Dynamics, data: Splits, delta: float, config: TrustConfig, job: Job) -> LearnedCheck:
     """Label the data with the predictions of `dynamics` at `delta` [m], train a classifier and save it."""
     started = time.monotonic()
-    return fit_trust(Labelled.by(dynamics, data, delta, config.rule), config, job, started)
+    return fit_trust(Labelled.by(dynamics, data, delta, config), config, job, started)
 
 
 def fit_trust(labelled: Labelled, config: TrustConfig, job: Job, started: float | None = None) -> LearnedCheck:

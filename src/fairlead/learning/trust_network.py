@@ -35,9 +35,12 @@ class TrustConfig:
         network: a name in `NETWORKS`.
         planar: motion in a horizontal plane: `sdf` turns its frame with the action, `voxel` convolves each layer of
             cells by itself (3 x 3 x 1).
-        augment: a planar network also learns from mirrored examples (`sdf`), or mirrored and turned by quarters
-            (`voxel`, whose arena must be symmetric about the origin). Not in the paper: Mitrano and Berenson, 2022.
-        hidden: hidden units.
+        augment: learn from mirrored examples, too, `voxel` also from ones turned by quarters (in the plane its arena
+            must be symmetric about the origin), and with two grippers from ones with the ends of the object exchanged.
+            Not in the paper: Mitrano and Berenson, 2022.
+        reach_known: actions that an arm cut short are no examples, for planning asks the arms themselves. False, the
+            paper's: `voxel` learns from the world-frame state what is out of reach; `sdf` does not see it.
+        hidden: hidden units (`voxel`), or channels of the convolutions along the chain (`sdf`).
         grid: the voxels (`voxel` only).
         rule: a name in `labels.RULES`.
         delta_m: largest error [m] of a reliable prediction; None for the dynamics' own delta (the paper's).
@@ -49,7 +52,8 @@ class TrustConfig:
     network: str = "sdf"
     planar: bool = True
     augment: bool = True
-    hidden: int = 256
+    reach_known: bool = True
+    hidden: int = 48
     grid: VoxelGrid = COARSE_GRID
     rule: str = "figure"
     delta_m: float | None = None

@@ -1,7 +1,7 @@
-"""`trust-sdf`: signed distances and their gradients at the points of both states, and a small network.
+"""`trust-sdf`: signed distances and their gradients at the points of both states, and a small network along the chain.
 
 The paper shows its classifier the obstacles and the rope as voxels. What decides is how the points lie to the nearest
-surfaces, and that can be looked up at the points themselves.
+surfaces, and that can be looked up at the points themselves (docs/adr/0009).
 """
 
 from __future__ import annotations
@@ -22,62 +22,80 @@ from fairlead.learning.trust_network import Inputs, TrustConfig, TrustNetwork
 
 UNIT_M = 0.1
 FAR_M = 0.25
+CONVOLUTIONS, WIDTH, HEAD = 3, 3, 128
+"""Convolutions along the chain, how many neighbours each sees, and hidden units of the head."""
+_VECTORS = 4
 
 
 @final
 class SdfTrust(TrustNetwork):
-    """Standardised features -> two hidden layers -> logit.
+    """Standardised features of each position -> convolutions along the chain -> mean and maximum -> head -> logit.
 
-    An encoding holds distance [m] and gradient at each position of a state, in the world frame. Vectors are turned into
-    the local frame; distances beyond `FAR_M` are all alike. Where the scenario is not planar, the place and the heading
-    of that frame in the world are features too: arms do not reach everywhere.
+    A position's features: where it is and how it moves, in the local frame, and distance [m] and gradient before and
+    after; distances beyond `FAR_M` are all alike. The transition's: the displacements asked for, and the spread.
+    Nothing tells where in the world all this is.
     """
 
-    mean: Tensor
-    scale: Tensor
+    means: Tensor
+    scales: Tensor
+    whole_means: Tensor
+    whole_scales: Tensor
 
     def __init__(self, layout: StateLayout, config: TrustConfig) -> None:
         super().__init__()
-        self.layout, self.config, self.planar = layout, config, config.planar
-        positions, grippers = layout.state_size // 3, len(layout.grippers)
-        axes = 2 if config.planar else 3
-        self._vectors = (4 * positions + grippers) * axes
-        size = self._vectors + 2 * positions + 1 + (0 if config.planar else 5)
-        self.register_buffer("mean", torch.zeros(size))
-        self.register_buffer("scale", torch.ones(size))
-        self.layers = nn.Sequential(
-            nn.Linear(size, config.hidden),
-            nn.ReLU(),
-            nn.Linear(config.hidden, config.hidden),
-            nn.ReLU(),
-            nn.Linear(config.hidden, 1),
-        )
+        self.layout, self.config = layout, config
+        self._axes = 2 if config.planar else 3
+        first, grippers = len(layout.grippers) - 1, len(layout.grippers)
+        # Along the chain: every gripper but the last, the object, the last gripper.
+        self._order = [*range(first), *range(grippers, layout.state_size // 3), first]
+        seen, whole = _VECTORS * self._axes + 2, grippers * self._axes + 1
+        for name, size in (("", seen), ("whole_", whole)):
+            self.register_buffer(f"{name}means", torch.zeros(size))
+            self.register_buffer(f"{name}scales", torch.ones(size))
+        sizes = (seen, *[config.hidden] * (CONVOLUTIONS - 1))
+        self.along = nn.ModuleList(nn.Conv1d(n, config.hidden, WIDTH, padding=WIDTH // 2) for n in sizes)
+        self.asked = nn.Linear(whole, config.hidden)
+        self.head = nn.Sequential(nn.Linear(2 * config.hidden + whole, HEAD), nn.ReLU(), nn.Linear(HEAD, 1))
 
-    def forward(self, *inputs: Float[Tensor, "batch feature"]) -> Float[Tensor, " batch"]:
-        return self.layers((inputs[0] - self.mean) / self.scale).squeeze(-1)
+    def forward(self, *inputs: Tensor) -> Float[Tensor, " batch"]:
+        chain, whole = inputs
+        whole = (whole - self.whole_means) / self.whole_scales
+        x = ((chain - self.means) / self.scales).transpose(1, 2)
+        x = torch.relu(self.along[0](x) + self.asked(whole)[..., None])
+        for convolution in self.along[1:]:
+            x = x + torch.relu(convolution(x))
+        return self.head(torch.cat([x.mean(2), x.amax(2), whole], dim=1)).squeeze(-1)
 
     def prepare(self, examples: Examples) -> Inputs:
-        features = np.empty((len(examples), len(self.mean)), np.float32)
+        chain = np.empty((len(examples), len(self._order), len(self.means)), np.float32)
+        whole = np.empty((len(examples), len(self.whole_means)), np.float32)
         for environment, rows in examples.by_scene():
             t = examples.take(rows).transitions
-            features[rows] = self._features(
-                t, self.encode(environment, t.states), self.encode(environment, t.next_states)
-            )
-        return lambda rows: (torch.from_numpy(features[rows]),)
+            fields = (self.encode(environment, states) for states in (t.states, t.next_states))
+            chain[rows], whole[rows] = self._features(t, *fields)
+        return lambda rows: (torch.from_numpy(chain[rows]), torch.from_numpy(whole[rows]))
 
     def standardise(self, inputs: Inputs, count: int) -> None:
-        (features,) = inputs(np.arange(count))
-        self.mean.copy_(features.mean(0))
-        self.scale.copy_(features.std(0).clamp_min(1e-3))
+        chain, whole = inputs(np.arange(count))
+        for name, found in (("", chain.flatten(0, 1)), ("whole_", whole)):
+            getattr(self, f"{name}means").copy_(found.mean(0))
+            getattr(self, f"{name}scales").copy_(found.std(0).clamp_min(1e-3))
 
     def augment(self, inputs: tuple[Tensor, ...], rng: np.random.Generator) -> tuple[Tensor, ...]:
-        """In the plane, mirror half of the examples at the direction of the action."""
-        if not (self.planar and self.config.augment):
+        """Mirror half of the examples at the frame's first axis; with two grippers, exchange the ends of half of them.
+
+        Exchanged, the frame, which runs from the first gripper to the last, is turned by half a turn.
+        """
+        if not self.config.augment:
             return inputs
-        mirrored = inputs[0].clone()
-        rows = torch.from_numpy(rng.random(len(mirrored)) < 0.5)
-        mirrored[:, 1 : self._vectors : 2] = torch.where(rows[:, None], -1, 1) * mirrored[:, 1 : self._vectors : 2]
-        return (mirrored,)
+        chain, whole = _signed(inputs, _some(len(inputs[0]), rng), self._axes, (1, -1, 1))
+        if len(self.layout.grippers) == 2:
+            some, a = _some(len(chain), rng), self._axes
+            chain = torch.where(some[:, None, None], chain.flip(1), chain)
+            exchanged = torch.cat([whole[:, a : 2 * a], whole[:, :a], whole[:, 2 * a :]], dim=1)
+            whole = torch.where(some[:, None], exchanged, whole)
+            chain, whole = _signed((chain, whole), some, a, (-1, -1, 1))
+        return chain, whole
 
     def encode(
         self, environment: Environment, states: Float[np.ndarray, "batch state"]
@@ -98,30 +116,44 @@ class SdfTrust(TrustNetwork):
         encodings: Float32[np.ndarray, "batch feature"],
         next_encodings: Float32[np.ndarray, "batch feature"],
     ) -> Float[Tensor, " batch"]:
-        return self(torch.from_numpy(self._features(transitions, encodings, next_encodings)))
+        return self(*map(torch.from_numpy, self._features(transitions, encodings, next_encodings)))
 
     def _features(
         self,
         t: Transitions,
         encodings: Float32[np.ndarray, "batch feature"],
         next_encodings: Float32[np.ndarray, "batch feature"],
-    ) -> Float32[np.ndarray, "batch feature"]:
+    ) -> tuple[Float32[np.ndarray, "batch position feature"], Float32[np.ndarray, "batch whole"]]:
+        """What `forward` sees: of each position in the order of the chain, and of the transition."""
         batch = len(t)
-        origin = local_origin(self.layout, t.states)[:, None]
         before, after = (x.reshape(batch, -1, 3) for x in (t.states, t.next_states))
-        asked = (t.actions - t.states[:, : self.layout.action_size]).reshape(batch, -1, 3)
-        field = np.stack([encodings.reshape(batch, -1, 4), next_encodings.reshape(batch, -1, 4)], axis=1)
-        slopes = field[..., 1:].reshape(batch, -1, 3)
-        vectors = np.concatenate(
-            [(before - origin) / UNIT_M, (after - before) / UNIT_M, asked / UNIT_M, slopes], axis=1, dtype=np.float32
-        )
+        asked = (t.actions - t.states[:, : self.layout.action_size]).reshape(batch, -1, 3) / UNIT_M
+        fields = [x.reshape(batch, -1, 4) for x in (encodings, next_encodings)]
+        moves = [(before - local_origin(self.layout, t.states)[:, None]) / UNIT_M, (after - before) / UNIT_M]
         along = heading(self.layout, t.states, t.actions)
-        turned = [turn_into(along, vectors[..., :2])]
-        if not self.planar:
-            turned.append(vectors[..., 2:])
-        distances = np.clip(field[..., 0], -FAR_M, FAR_M).reshape(batch, -1) / UNIT_M
+        vectors = [self._turned(along, x)[:, self._order] for x in (*moves, *(field[..., 1:] for field in fields))]
+        distances = [np.clip(field[:, self._order, :1], -FAR_M, FAR_M) / UNIT_M for field in fields]
         doubt = np.log(np.maximum(t.spread, 1e-6))[:, None]
-        features = [np.concatenate(turned, axis=-1).reshape(batch, -1), distances, doubt]
-        if not self.planar:
-            features += [origin[:, 0], along]
-        return np.concatenate(features, axis=1, dtype=np.float32)
+        whole = np.concatenate([self._turned(along, asked).reshape(batch, -1), doubt], axis=1, dtype=np.float32)
+        return np.concatenate([*vectors, *distances], axis=-1, dtype=np.float32), whole
+
+    def _turned(
+        self, along: Float[np.ndarray, "batch 2"], vectors: Float[np.ndarray, "batch position 3"]
+    ) -> Float[np.ndarray, "batch position axis"]:
+        flat = turn_into(along, vectors[..., :2])
+        return flat if self._axes == 2 else np.concatenate([flat, vectors[..., 2:]], axis=-1)
+
+
+def _some(count: int, rng: np.random.Generator) -> Tensor:
+    """Half of the rows, by chance."""
+    return torch.from_numpy(rng.random(count) < 0.5)
+
+
+def _signed(inputs: tuple[Tensor, ...], rows: Tensor, axes: int, signs: tuple[int, int, int]) -> tuple[Tensor, Tensor]:
+    """Chain and whole features with the signs of the axes of every vector changed in some rows."""
+    axis = torch.tensor(signs[:axes], dtype=torch.float32)
+    signed = []
+    for x, scalars in zip(inputs, (2, 1), strict=True):
+        sign = torch.cat([axis.repeat((x.shape[-1] - scalars) // axes), torch.ones(scalars)])
+        signed.append(torch.where(rows.view(-1, *[1] * (x.ndim - 1)), x * sign, x))
+    return signed[0], signed[1]

@@ -103,16 +103,25 @@ class VoxelTrust(TrustNetwork):
         """Nothing to do: BatchNorm."""
 
     def augment(self, inputs: tuple[Tensor, ...], rng: np.random.Generator) -> tuple[Tensor, ...]:
-        """In the plane, one of the square's eight symmetries for the whole minibatch."""
-        if not (self.config.planar and self.config.augment):
+        """One of the square's eight symmetries for the whole minibatch; with two grippers half of them exchanged, too.
+
+        Not where reach is learned from the place in the world: arms do not turn with it.
+        """
+        if not self.config.augment or not (self.config.planar or self.config.reach_known):
             return inputs
         symmetry = rng.integers(0, 2, 3)
         symmetry[2] *= self.grid.shape[0] == self.grid.shape[1]
+        grippers, size = len(self.layout.grippers), self.layout.action_size
         voxels, states, extra = inputs
-        action = extra[..., : self.layout.action_size]
-        moved = [transformed(x.unflatten(-1, (-1, 3)), symmetry).flatten(-2) for x in (states, action)]
-        drawn = transformed_grid(voxels, symmetry)
-        return drawn, moved[0], torch.cat([moved[1], extra[..., self.layout.action_size :]], dim=-1)
+        positions, targets = states.unflatten(-1, (2, -1, 3)), extra[..., :size].unflatten(-1, (-1, 3))
+        if grippers == 2 and rng.random() < 0.5:
+            voxels = torch.cat([voxels[:, :, :-grippers], voxels[:, :, -grippers:].flip(2)], dim=2)
+            positions = torch.cat(
+                [positions[..., :grippers, :].flip(-2), positions[..., grippers:, :].flip(-2)], dim=-2
+            )
+            targets = targets.flip(-2)
+        moved = transformed(positions, symmetry).flatten(-3), transformed(targets, symmetry).flatten(-2)
+        return transformed_grid(voxels, symmetry), moved[0], torch.cat([moved[1], extra[..., size:]], dim=-1)
 
     def frozen(
         self, environment: Environment, states: Float[np.ndarray, "batch state"]

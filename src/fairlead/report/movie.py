@@ -9,11 +9,11 @@ from typing import Any
 
 from PIL import Image, ImageDraw
 
-from fairlead.report.playback import FPS, SPEED
+from fairlead.report.playback import FPS
 from fairlead.report.sources import TrialSet
 from fairlead.report.stage import SHARP, SIDE, Cameras
 from fairlead.report.style import INK, MUTED, PAPER
-from fairlead.report.video import FOOT, GAP, HEAD, LEGEND, font, frame, together, write_frames
+from fairlead.report.video import FOOT, GAP, HEAD, LEGEND, font, frame, together, within, write_frames
 from fairlead.report.videos import BASELINE, panels, traced
 
 CAPTION = 46
@@ -114,9 +114,8 @@ def _take(take: Take, cameras: Cameras) -> Iterator[Image.Image]:
     _write(blank, (SIDE + 3 * GAP, CAPTION + HEAD + 60), take.beside, 19)
     blank = _sized(blank)
     with panels(scenario, scene, traces, cameras) as side_by_side:
-        views = together(side_by_side)
-        stride = -(-len(views) // (LONGEST_S * FPS))
-        for shown in [*views[::stride], views[-1]]:
+        views, speed = within(together(side_by_side), LONGEST_S)
+        for shown in views:
             image = blank.copy()
-            image.paste(frame(side_by_side, shown, SPEED * stride), (0, CAPTION))
+            image.paste(frame(side_by_side, shown, speed), (0, CAPTION))
             yield image

@@ -46,13 +46,17 @@ class Episode:
 
 @dataclass(frozen=True)
 class Recording:
-    """A whole trial, and what to say about it: its title, and how it ended as a word and as a sentence."""
+    """A whole trial, and what to say about it: its title, and how it ended as a word and as a sentence.
+
+    `measured` says what the errors of its episodes are distances to.
+    """
 
     title: str
     layout: StateLayout
     episodes: tuple[Episode, ...]
     outcome: str
     sentence: str
+    measured: str = "to the goal"
 
 
 @dataclass(frozen=True)
@@ -116,6 +120,24 @@ def _episode(
         np.array([action.seconds for action in actions]),
         max(0.0, planning_s),
     )
+
+
+def as_predicted(recording: Recording, title: str) -> Recording:
+    """The same trial, frame for frame, as its plans foretold it, each from the state in which it was made.
+
+    Its errors are how far the farthest point is from where it was seen then [m]. What nobody foretells, recovery, is
+    shown as it was.
+    """
+    layout, episodes = recording.layout, []
+    for episode in recording.episodes:
+        seen = episode.executed
+        foretold = seen if episode.predicted is None else episode.predicted[: len(seen)]
+        gaps = layout.object_of(foretold) - layout.object_of(seen)
+        errors = np.linalg.norm(gaps, axis=-1).max(axis=-1)
+        episodes.append(replace(episode, executed=foretold, errors=errors, predicted=None))
+    worst = max((float(episode.errors.max()) for episode in episodes), default=0.0)
+    sentence = f"Off by up to {100 * worst:.1f} cm at a point."
+    return Recording(title, layout, tuple(episodes), recording.outcome, sentence, "off at the farthest point")
 
 
 def views(recording: Recording) -> Iterator[View]:

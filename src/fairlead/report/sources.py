@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import csv
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from fairlead.core.artifacts import MANIFEST, read_json, read_jsonl, read_manifest
+from fairlead.core.artifacts import MANIFEST, read_json, read_jsonl, read_manifest, sha256
 from fairlead.core.errors import ArtifactError
 
 
@@ -59,14 +60,10 @@ class TrialSet:
 
 @dataclass(frozen=True)
 class Model:
-    """A trained model: its metrics and learning curves."""
+    """A trained model: its metrics and learning curves. `name` is the folder's, with as much before it as tells."""
 
     folder: Path
-
-    @property
-    def name(self) -> str:
-        """The folder's name."""
-        return self.folder.name
+    name: str
 
     @cached_property
     def config(self) -> dict[str, Any]:
@@ -134,8 +131,15 @@ def find_sources(folders: Sequence[Path]) -> Sources:
         raise ArtifactError(folders[0], f"nothing finished here or below (no {MANIFEST} of trials or models)")
     return Sources(
         tuple(map(TrialSet, found["trials"])),
-        tuple(map(Model, found["model"])),
+        _models(found["model"]),
         found["dataset"],
         found["evidence"],
         found["sensitivity"],
     )
+
+
+def _models(folders: Sequence[Path]) -> tuple[Model, ...]:
+    """The models in these folders; of copies of one, the first."""
+    different = list({sha256(folder / MANIFEST): folder for folder in reversed(folders)}.values())[::-1]
+    count = Counter(folder.name for folder in different)
+    return tuple(Model(f, f.name if count[f.name] == 1 else f"{f.parent.name}/{f.name}") for f in different)

@@ -45,6 +45,14 @@ def no_camera(scenario: str, scene: Mapping[str, Any], side: int) -> AbstractCon
     return nullcontext(None)
 
 
+def photograph(scenario: str, scene: Mapping[str, Any], cameras: Cameras) -> Image.Image | None:
+    """A scene at its start; None where there is no camera for it."""
+    with cameras(scenario, scene, 2 * SIDE) as camera:
+        if camera is None:
+            return None
+        return Image.fromarray(camera.frame(np.array([*scene["grippers"].values(), *scene["rope"]], float).ravel()))
+
+
 class Stage(ABC):
     """Draws a state of the world, in two parts: what lies under the planner's tree, and what lies over it."""
 

@@ -63,6 +63,31 @@ def _metres(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f}"
 
 
+def overview_table(summaries: Mapping[str, Summary]) -> Table:
+    """Success and mean error of every method in each set of trials, and the means of these over the sets."""
+    names = list(dict.fromkeys(name for summary in summaries.values() for name in summary["order"]))
+    rows = []
+    for title, summary in summaries.items():
+        found, reference = summary["methods"], summary.get("reference", summary["order"][0])
+        cells = [_outcome(found[name]["success"]["value"], found[name]["error_m"]["mean"]) if name in found else "-"
+                 for name in names]  # fmt: skip
+        recovered = str(found[reference]["recovery_actions"])
+        rows.append((title, str(found[reference]["trials"]), *cells, f"{recovered} ({reference})"))
+    means = []
+    for name in names:
+        entries = [summary["methods"][name] for summary in summaries.values() if name in summary["methods"]]
+        both = (sum(values) / len(entries) for values in zip(
+            *((entry["success"]["value"], entry["error_m"]["mean"]) for entry in entries), strict=True))  # fmt: skip
+        means.append(_outcome(*both) if len(entries) == len(summaries) else "-")
+    columns = ("trials of", "scenes and seeds", *names, "recovery actions")
+    note = "Success and mean final error of all trials of a method. Recovery actions: those of the reference, in all."
+    return Table("Overview", columns, (*rows, ("mean", "", *means, "")), note)
+
+
+def _outcome(success: float, error_m: float) -> str:
+    return f"{percent(success)}, {error_m:.3f} m"
+
+
 def success_table(summary: Summary, budget: str) -> Table:
     """Success at the end, after the first plan alone, and earlier; another budget than `budget` is named."""
     methods = summary["methods"]
@@ -95,7 +120,9 @@ def error_table(summary: Summary, scenario: str) -> Table:
         for paper in RESULTS.get(scenario, ())
     ]
     columns = ("method", "success", "min [m]", "max [m]", "mean [m]", "median [m]", "SD [m]")
-    note = "The paper's rows are its published numbers: 180 s a trial, in its own simulator."
+    note = (
+        "The paper's rows are its published numbers: 180 s a trial, in its own simulator." if len(rows) > ours else ""
+    )
     return Table("Final task error", columns, tuple(rows), note, frozenset(range(ours, len(rows))))
 
 

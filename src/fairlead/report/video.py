@@ -22,6 +22,8 @@ from fairlead.report.tables import counted
 
 HEAD, FOOT, GAP, LEGEND = 50, 52, 20, 36
 """Pixels above and below a stage, between two, and of the legend below all."""
+LONGEST_S = 20
+"""Seconds of a video that a trial may take."""
 TRUST = LinearSegmentedColormap.from_list("trust", ["#d55e00", "#e6b366", "#7fb2d9", "#0072b2"])
 """Colour of a tree's branch: trust 0.5 (just accepted) to 1."""
 
@@ -111,7 +113,7 @@ class Panel:
         draw.text((SIDE * s, 16 * s), view.phase, font=font(16, bold=view.ended), fill=colour, anchor="ra")
         below = (HEAD + SIDE + 12) * s
         plans = counted(view.plans, "plan")
-        text = f"{view.seconds:5.1f} s     {plans}     {100 * view.error_m:5.1f} cm to the goal"
+        text = f"{view.seconds:5.1f} s     {plans}     {100 * view.error_m:5.1f} cm {self.recording.measured}"
         if view.ended:
             text = f"{self.recording.sentence}  {view.seconds:.1f} s, {plans}."
         draw.text((0, below), text, font=font(14), fill=INK)
@@ -172,9 +174,16 @@ def write_frames(path: Path, frames: Iterable[Image.Image]) -> None:
     writer.close()
 
 
+def within(frames: list[list[View]], longest_s: float) -> tuple[list[list[View]], float]:
+    """The frames, or so many of them that they take no longer [s], with the last; and how fast they play then."""
+    stride = -(-len(frames) // round(longest_s * FPS))
+    return [*frames[::stride], frames[-1]], SPEED * stride
+
+
 def write_video(path: Path, panels: Sequence[Panel]) -> None:
-    """Write an MP4 of the trials playing side by side."""
-    write_frames(path, (frame(panels, shown) for shown in together(panels)))
+    """Write an MP4 of the trials playing side by side; a long trial plays faster."""
+    frames, speed = within(together(panels), LONGEST_S)
+    write_frames(path, (frame(panels, shown, speed) for shown in frames))
 
 
 def write_gif(video: Path, path: Path, width: int = 720, fps: int = 10) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 from fairlead.core.marks import followed
 from fairlead.core.traces import read_trace
-from fairlead.report.playback import recording
+from fairlead.report.playback import as_predicted, recording
 from fairlead.report.sources import TrialSet
 from fairlead.report.stage import SIDE, Cameras
 from fairlead.report.video import Panel, write_gif, write_video
@@ -25,7 +25,6 @@ class Clip:
 
     path: Path
     caption: str
-    wide: bool
     gif: Path | None
 
     @property
@@ -49,6 +48,19 @@ def panels(
         yield found
 
 
+@contextmanager
+def foretold(
+    scenario: str, scene: Mapping[str, Any], method: str, trace: Path, cameras: Cameras
+) -> Iterator[list[Panel]]:
+    """The parts of a video of one trial: what its plans predicted, and beside it what happened."""
+    with (
+        panels(scenario, scene, {f"{method}: executed": trace}, cameras) as (executed,),
+        cameras(scenario, scene, SIDE) as camera,
+    ):
+        predicted = as_predicted(executed.recording, f"{method}: predicted")
+        yield [Panel(predicted, scene, executed.points, camera), executed]
+
+
 def traced(trials: TrialSet, method: str) -> dict[tuple[str, int], dict[str, Any]]:
     """The rows of a method whose traces were kept, by scene and seed."""
     rows = trials.rows_of.get(method, [])
@@ -58,8 +70,8 @@ def traced(trials: TrialSet, method: str) -> dict[tuple[str, int], dict[str, Any
 def choose(trials: TrialSet) -> list[tuple[str, list[str], tuple[str, int]]]:
     """Captions, methods and (scene, seed) of the videos.
 
-    The reference beside `accept-all`, on the first scene where only the reference succeeds (else on any), and a failure
-    of the reference.
+    The reference beside `accept-all`, on the first scene where only the reference succeeds (else on any); and a success
+    and a failure of the reference, each as predicted and as executed.
     """
     method = trials.reference
     ours, theirs = traced(trials, method), traced(trials, BASELINE)
@@ -70,11 +82,11 @@ def choose(trials: TrialSet) -> list[tuple[str, list[str], tuple[str, int]]]:
         key = (told or both)[0]
         why = "the first kept trial where only one of them succeeds" if told else "the first kept trial"
         chosen.append((f"{method} beside {BASELINE} on {key[0]}: {why}.", [method, BASELINE], key))
-    else:
-        chosen += [(f"A success of {method} on {key[0]}.", [method], key) for key in ours if ours[key]["success"]][:1]
     shown = {key for _, _, key in chosen}
-    failures = [key for key in ours if not ours[key]["success"] and key not in shown]
-    chosen += [(f"A failure of {method} on {key[0]}.", [method], key) for key in failures[:1]]
+    for word, wanted in (("success", True), ("failure", False)):
+        found = sorted((key for key in ours if ours[key]["success"] == wanted), key=lambda key: key in shown)
+        caption = "A {} of {} on {}: as predicted, and as executed."
+        chosen += [(caption.format(word, method, key[0]), [method], key) for key in found[:1]]
     return chosen
 
 
@@ -83,12 +95,14 @@ def make_videos(trials: TrialSet, folder: Path, cameras: Cameras) -> list[Clip]:
     scenes = {scene["name"]: scene for scene in trials.scenes}
     clips = []
     for number, (caption, methods, (scene, seed)) in enumerate(choose(trials)):
-        traces = {method: trials.folder / "traces" / method / f"{scene}-{seed}" for method in methods}
         path = folder / f"{trials.folder.name}-{number}.mp4"
-        with panels(trials.config["scenario"], scenes[scene], traces, cameras) as side_by_side:
+        traces = {method: trials.folder / "traces" / method / f"{scene}-{seed}" for method in methods}
+        show = trials.config["scenario"], scenes[scene]
+        pair = panels(*show, traces, cameras) if len(methods) > 1 else foretold(*show, *traces.popitem(), cameras)
+        with pair as side_by_side:
             write_video(path, side_by_side)
         gif = path.with_suffix(".gif") if number == 0 else None
         if gif is not None:
             write_gif(path, gif)
-        clips.append(Clip(path, caption, len(methods) > 1, gif))
+        clips.append(Clip(path, caption, gif))
     return clips

@@ -16,14 +16,14 @@ from fairlead.scenarios.scene_files import scene_from
 def camera(scenario: str, scene: Mapping[str, Any], side: int, shadows: bool = False) -> Iterator[Camera | None]:
     """A renderer of the scene with that side [pixels].
 
-    None where everything moves in a plane, which is seen best from above, and where nothing can be rendered: a video
-    from above is better than none.
+    None where everything moves in a plane among things all alike, which is seen best from above, and where nothing can
+    be rendered: a video from above is better than none.
     """
     world = find_scenario(scenario)
     placed = scene_from(scene, world.layout)
     with ExitStack() as opened:
         found = None
-        if not world.sampler.planar:
+        if not world.sampler.planar or world.colours:
             with suppress(FairleadError):
                 found = opened.enter_context(world.renderer(placed, side, side, shadows))
         yield found

@@ -52,6 +52,13 @@ def reproduce(
     return write_report([out], out / "report", videos=preset.videos, cameras=camera)
 
 
+def recorded(scenario: Scenario, config: CollectConfig, folder: Path, threads: int, bar: Bar) -> None:
+    """Record a dataset, or what is missing of it."""
+    total = config.trajectories * config.resolved(scenario)["steps"]
+    with bar(f"{scenario.name} {folder.name}", total, "transitions") as advance:
+        collect(scenario, config, folder, threads, advance)
+
+
 def _data(scenario: Scenario, preset: Preset, out: Path, seed: int, threads: int, bar: Bar) -> dict[str, Path]:
     """Record the three datasets; the full dynamics have one of their own, as large as the other two together."""
     among = CollectConfig(2, preset.phase2, seed, steps=preset.steps2, obstacles_every=preset.obstacles_every)
@@ -62,9 +69,7 @@ def _data(scenario: Scenario, preset: Preset, out: Path, seed: int, threads: int
     }
     folders = {name: out / "data" / name for name in wanted}
     for name, config in wanted.items():
-        total = config.trajectories * config.resolved(scenario)["steps"]
-        with bar(f"{scenario.name} {name}", total, "transitions") as advance:
-            collect(scenario, config, folders[name], threads, advance)
+        recorded(scenario, config, folders[name], threads, bar)
     return folders
 
 

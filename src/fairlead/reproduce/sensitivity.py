@@ -45,7 +45,7 @@ def sensitivity(
     @cache
     def labelled() -> Labelled:
         found = stages.splits(data, scenario, 2)
-        return Labelled.by(load_dynamics(dynamics, scenario.kin), found, max(config.deltas_m), trust.rule)
+        return Labelled.by(load_dynamics(dynamics, scenario.kin), found, max(config.deltas_m), trust)
 
     def train(delta: float, job: Job) -> None:
         fit_trust(labelled().at(delta), replace(trust, delta_m=delta), job)

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from fairlead.core.artifacts import MANIFEST, read_json, read_manifest, sha256, verify_files
+from fairlead.core.artifacts import MANIFEST, read_json, read_manifest, sha256, verify_files, write_atomic
 from fairlead.core.errors import ArtifactError
 from fairlead.data.shards import SPLITS
 from fairlead.data.store import load
@@ -63,6 +63,21 @@ def finished(folder: Path, config: Any, inputs: Mapping[str, Path], seed: int) -
         if found[name] != value:
             raise ArtifactError(folder, f"holds a model of other {name}; choose another folder, or remove this one")
     return True
+
+
+def reused(source: Path, folder: Path) -> None:
+    """Copy a finished model, its manifest last.
+
+    Raises:
+        ArtifactError: `folder` holds another one already: nothing finished is overwritten.
+    """
+    manifest = read_manifest(source, "model")
+    if (folder / MANIFEST).exists():
+        if sha256(folder / MANIFEST) != sha256(source / MANIFEST):
+            raise ArtifactError(folder, f"holds another model than {source}; choose another folder, or remove this one")
+        return verify_files(folder, manifest)
+    for name in (*manifest.files, MANIFEST):
+        write_atomic(folder / name, (source / name).read_bytes())
 
 
 def _plain(value: Any) -> Any:

@@ -45,6 +45,7 @@ class Dragging(Scenario):
     def __init__(self, rope: PlanarRope | None = None, gripper: Gripper | None = None) -> None:
         self.rope, self.gripper = rope or PlanarRope(), gripper or Gripper()
         self.rope_radius, self.link_length = self.rope.radius, self.rope.link_length
+        self.gripper_speed = self.gripper.speed
         inside = ARENA / 2 - WALLS[0].size[0] / 2
         z = self.rope.height
         self.bounds = np.array([[-inside, -inside, 0.0], [inside, inside, 2 * z]])

@@ -63,7 +63,7 @@ class DualArm(Scenario):
         self, rope: HangingRope | None = None, motion: Grippers | None = None, arms: Arms | None = None
     ) -> None:
         self.rope, self.motion, self._arms = rope or HangingRope(), motion or Grippers(), arms or dual_iiwa()
-        self.arms = self._arms
+        self.arms, self.gripper_speed = self._arms, self.motion.speed
         self.rope_radius, self.link_length = self.rope.radius, self.rope.link_length
         low, high = map(tuple, BOUNDS.tolist())
         self.sampler = RandomDisplacement(LAYOUT, 0.10, low, high, planar=False)

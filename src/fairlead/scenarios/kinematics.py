@@ -98,6 +98,7 @@ class Kinematics:
             if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_HINGE or not model.jnt_limited[joint]:
                 raise FairleadError(f"joint '{model.joint(joint).name}': the joints of an arm are hinges with a range")
         self.joints = np.array(chains).T
+        self.names = tuple(tuple(model.joint(j).name or f"joint{j}" for j in row) for row in chains)
         limits = model.jnt_range[self.joints]
         self.low, self.high = limits[..., 0, None], limits[..., 1, None]
         turns = np.stack([[_frame(data.xaxis[j]) for j in row] for row in self.joints])

@@ -43,6 +43,8 @@ class Scenario(ABC):
     """How thick the object is about its points [m]."""
     link_length: float = math.inf
     """How far apart two neighbouring points of the object can be [m]."""
+    gripper_speed: float = 0.2
+    """How fast a gripper moves [m / s]: an exported plan is timed by it."""
     paper_data: tuple[tuple[int, int], tuple[int, int]] = (2048, 10), (2048, 20)
     """Trajectories, and actions in each, that the paper recorded or a scenario wants: in phase 1, in phase 2."""
     arms: Arms | None = None

@@ -70,7 +70,7 @@ class Task(Scenario):
         self.layout, self.arms = self._world.layout, self._world.arms
         self.sampler, self.unconstrained_sampler = self._world.sampler, self._world.unconstrained_sampler
         self.rope_radius, self.link_length = self._world.rope_radius, self._world.link_length
-        self.paper_data = self._world.paper_data
+        self.paper_data, self.gripper_speed = self._world.paper_data, self._world.gripper_speed
 
     def environment(self, obstacles: Sequence[Obstacle]) -> Environment:
         return self._world.environment(obstacles)
