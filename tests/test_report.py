@@ -289,9 +289,11 @@ def test_what_was_learned_stands_beside_the_papers_numbers(tmp_path: Path) -> No
     assert [table.title for table in (first, second)] == ["dragging, beside the paper", "dual_arm, beside the paper"]
     assert [table.title for table in others] == ["trust"]
     assert first.rows[:3] == (
-        ("trust: accuracy", "0.9", "0.835"), ("trust: precision", "0.8", "0.888"), ("trust: recall", "-", "0.789"),
-    )  # fmt: skip
-    assert second.rows[0] == ("trust: accuracy", "0.9", "0.89")
+        ("dragging/trust: accuracy", "0.9", "0.835"),
+        ("dragging/trust: precision", "0.8", "0.888"),
+        ("dragging/trust: recall", "-", "0.789"),
+    )
+    assert second.rows[0] == ("dual_arm/trust: accuracy", "0.9", "0.89")
     assert first.rows[-1][1] == "1,200, 75 % reliable"
 
 
