@@ -16,13 +16,13 @@ settings.register_profile("thorough", deadline=None, max_examples=500)
 settings.register_profile("quick", deadline=None, max_examples=25, derandomize=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))
 
-REPOSITORY = Path(__file__).resolve().parents[1]
-
 
 @pytest.fixture
 def authors_scenes() -> Path:
     """The folder of the authors' scenes; they are not part of the repository."""
-    folder = Path(os.environ.get("FAIRLEAD_AUTHORS_SCENES", REPOSITORY.parent / "shared" / "scenes"))
+    from fairlead.evaluation.shipped import authors_folder  # not before types are checked
+
+    folder = authors_folder()
     if not folder.is_dir():
         pytest.skip(f"the authors' scenes are not at {folder}; set FAIRLEAD_AUTHORS_SCENES to their folder")
     return folder

@@ -84,6 +84,7 @@ def test_mistakes_are_one_line_and_exit_code_2(
         ("collect", "fake", "--phase", 1, "--out", dataset): "another dataset is here",
         ("collect", "fake", "--phase", 1, "--out", shard / "below"): "Not a directory",
         ("data", "info", tmp_path): "no manifest.json",
+        ("scenes", "fake", "--solved-by", tmp_path, *new): "need each other",
         ("data", "verify", dataset): "shard-00001.parquet: damaged",
     }
     for arguments, expected in cases.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import multiprocessing
 import os
 import shutil
@@ -19,7 +20,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fairlead.core.artifacts import MANIFEST, append_jsonl, read_json, read_jsonl, read_manifest, verify_files
+from fairlead.core.artifacts import MANIFEST, append_jsonl, read_json, read_jsonl, read_manifest, sha256, verify_files
 from fairlead.core.budget import Budget
 from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
 from fairlead.core.records import TrialOutcome
@@ -27,6 +28,7 @@ from fairlead.core.traces import EVENTS, read_trace
 from fairlead.evaluation.bench import PLANNERS, Bench, TrialsConfig, scaled
 from fairlead.evaluation.bench import Job as Trial
 from fairlead.evaluation.methods import CHECKS, DYNAMICS, METHODS, RECOVERIES, find_method
+from fairlead.evaluation.solved import solved_scenes
 from fairlead.evaluation.trials import CONFIG, SUMMARY, TRIALS, Trials, repair
 from fairlead.learning.dynamics import DynamicsConfig, Ensemble
 from fairlead.learning.model_files import Job, save_model
@@ -81,6 +83,40 @@ def test_the_number_of_workers_does_not_matter(config: TrialsConfig, finished: P
     assert rows(tmp_path) == rows(finished)
     assert summary["order"] == ["accept-all", "collision-check"]  # of the table, not of the command
     assert summary["reference"] == "accept-all"
+
+
+def test_solved_scenes_are_those_with_a_success_in_the_order_of_their_file(
+    config: TrialsConfig, finished: Path, tmp_path: Path
+) -> None:
+    """Whoever solved one; nothing is taken from trials of another file or from rows that were changed."""
+    world, path = scenario("dragging"), config.scenes
+    first, second = (scene.name for scene in world.scenes(path).scenes)
+
+    def told(name: str, **solved: str) -> Path:
+        shutil.copytree(finished, folder := tmp_path / name)
+        changed = [
+            {**row, "success": solved.get(row["method"].replace("-", "_")) == row["scene"]} for row in rows(folder)
+        ]
+        (folder / TRIALS).write_text("".join(json.dumps(row) + "\n" for row in changed))
+        manifest = read_manifest(folder, "trials")
+        replace(manifest, files={**manifest.files, TRIALS: sha256(folder / TRIALS)}).write(folder)
+        return folder
+
+    one, other, none = told("one", accept_all=second), told("other", collision_check=first), told("none")
+    assert [scene.name for scene in solved_scenes(world, path, [one, other], 2)[0]] == [first, second]
+    found, source = solved_scenes(world, path, [none, one], 1)
+    assert [scene.name for scene in found] == [second]
+    assert source.startswith("a test: the first 1 of 2 that were solved by ")
+    assert "accept-all (one, manifest" in source
+    assert source.endswith("1 before the last of them were not")
+    with pytest.raises(FairleadError, match="count 2: 1 of the 2 scenes"):
+        solved_scenes(world, path, [one], 2)
+    write_scenes(tmp_path / "made.json", "dragging", world.scenes(path).scenes[:1], "another")
+    with pytest.raises(ArtifactError, match="other scenes"):
+        solved_scenes(world, tmp_path / "made.json", [one], 1)
+    append_jsonl(one / TRIALS, rows(one)[0])
+    with pytest.raises(ArtifactError, match="damaged"):
+        solved_scenes(world, path, [one], 1)
 
 
 def test_an_interrupted_run_goes_on_to_the_same_rows(config: TrialsConfig, finished: Path, tmp_path: Path) -> None:

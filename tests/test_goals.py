@@ -21,12 +21,12 @@ from fairlead.core.marks import followed, marks
 from fairlead.core.reading import Reader
 from fairlead.core.records import PlanOutcome
 from fairlead.core.streams import stream
+from fairlead.evaluation.shipped import benchmark_scenes
 from fairlead.geometry.goals import KINDS, SceneGoal, point_goal, read_goal
 from fairlead.planning.ompl import OmplRRT
 from fairlead.planning.rrt import BatchedRRT
 from fairlead.report.drawing import draw_goal, view_of
 from fairlead.report.stage import TopView
-from fairlead.reproduce.line import benchmark_scenes
 from fairlead.scenarios.dragging import Dragging
 from fairlead.scenarios.dual_arm import DualArm
 from fairlead.scenarios.registry import scenario

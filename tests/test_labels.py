@@ -84,6 +84,18 @@ def test_text_rule_drops_what_follows_the_first_zero(seed: int) -> None:
         assert len(rows) == 7 or not found.labels[rows[-1]]
 
 
+@pytest.mark.parametrize("rule", RULES)
+@given(seed=st.integers(0, 500), delta=st.sampled_from([0.0, 0.008, 0.02, DELTA, 0.06]))
+@settings(max_examples=12, deadline=None)
+def test_a_smaller_delta_needs_no_new_rollouts(rule: str, seed: int, delta: float) -> None:
+    data, dynamics = trajectories(6, 7, 3, np.random.default_rng(seed)), FollowDynamics(0.008)
+    found, anew = label(dynamics, data, 0.06, rule).at(delta), label(dynamics, data, delta, rule)
+    for name in ("labels", "error", "before", "scene", "source"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(anew, name))
+    for name in ("states", "actions", "next_states", "spread"):
+        np.testing.assert_array_equal(getattr(found.transitions, name), getattr(anew.transitions, name))
+
+
 def test_a_perfect_model_is_always_reliable_where_nothing_is_in_the_way() -> None:
     data = trajectories(5, 6, 0, np.random.default_rng(0))
     counts = {rule: label(FollowDynamics(0.0), data, DELTA, rule).counts() for rule in RULES}

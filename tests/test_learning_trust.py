@@ -115,7 +115,9 @@ def test_a_voxel_example_with_its_ends_exchanged_is_that_of_the_exchanged_object
         seen = [x.reshape(3, -1, 3)[:, order].reshape(3, -1) for x in (states, after)]
         t = Transitions(seen[0], actions.reshape(3, -1, 3)[:, order[:2]].reshape(3, -1), seen[1], np.full(3, 0.1))
         zeros = np.zeros(3, int)
-        examples = Examples(layout, [world], t, np.ones(3, bool), np.zeros(3), zeros, np.zeros((3, 3), int))
+        examples = Examples(
+            layout, [world], t, np.ones(3, bool), np.zeros(3), np.zeros(3), zeros, np.zeros((3, 3), int)
+        )
         return network.prepare(examples)(np.arange(3))
 
     straight, exchanged = inputs([0, 1, 2, 3, 4, 5]), inputs([1, 0, 5, 4, 3, 2])

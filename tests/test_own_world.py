@@ -65,7 +65,7 @@ def test_installed_it_takes_the_whole_line_with_sizes_of_its_kind(own: Any, tmp_
     assert smoke == PRESETS["dragging"]["smoke"]
     scenes = own.Ground().scenes(tmp_path / "out" / "scenes.json").scenes
     assert len(scenes) == 50
-    rows = list(read_jsonl(tmp_path / "out" / "trials" / "trials.jsonl"))
+    rows = list(read_jsonl(tmp_path / "out" / "trials" / "benchmark" / "trials.jsonl"))
     assert {row["method"] for row in rows} == set(smoke.methods)
     assert {row["scene"] for row in rows} == {scenes[0].name}
     assert "ground" in (tmp_path / "out" / "report" / "report.html").read_text()

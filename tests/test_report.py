@@ -20,6 +20,7 @@ from fairlead.core.layout import StateLayout
 from fairlead.evaluation.shipped import benchmark_scenes
 from fairlead.evaluation.summary import summarise
 from fairlead.report.drawing import outline
+from fairlead.report.model_figures import metrics_tables
 from fairlead.report.movie import recoveries, takes
 from fairlead.report.page import write_report
 from fairlead.report.playback import FPS, SPEED, Branches, Episode, Recording, as_predicted, views
@@ -274,6 +275,26 @@ def test_an_untrained_recovery_is_called_that(tmp_path: Path) -> None:
     assert "recovery was NOT trained and acts at random: 14 stuck states in 3,000 (train)" in text
     assert "recovery-sdf was NOT" not in text
     assert "| recovery-sdf, test | 3,000 | 14 | 5 | 4 | 3 | 2 | 0.250 |" in text
+
+
+def test_what_was_learned_stands_beside_the_papers_numbers(tmp_path: Path) -> None:
+    """Of the scenario that a model is of; what the paper does not tell is left open."""
+    judged = {"accuracy": 0.9, "precision": 0.8, "recall": None, "auroc": 0.95, "reliability": []}
+    metrics = {"test": judged, "delta_m": 0.03, "rules": {"figure": {"examples": 1200, "reliable": 0.75}}}
+    for name in ("dragging", "dual_arm", "fetch_cable"):
+        folder = tmp_path / name / "trust"
+        write_json(folder / "metrics.json", metrics)
+        Manifest("model", {"kind": "trust", "scenario": name}, 0, {}, {}, {}).write(folder)
+    first, second, *others = metrics_tables(find_sources([tmp_path]).models)
+    assert [table.title for table in (first, second)] == ["dragging, beside the paper", "dual_arm, beside the paper"]
+    assert [table.title for table in others] == ["trust"]
+    assert first.rows[:3] == (
+        ("dragging/trust: accuracy", "0.9", "0.835"),
+        ("dragging/trust: precision", "0.8", "0.888"),
+        ("dragging/trust: recall", "-", "0.789"),
+    )
+    assert second.rows[0] == ("dual_arm/trust: accuracy", "0.9", "0.89")
+    assert first.rows[-1][1] == "1,200, 75 % reliable"
 
 
 def test_how_actions_ended_is_counted_over_trials_and_shown_as_shares() -> None:

@@ -3,28 +3,39 @@
 from __future__ import annotations
 
 import json
+import shutil
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import imageio_ffmpeg
 import pytest
+import torch
+from safetensors.torch import load_file
 
-from fairlead.core.artifacts import read_jsonl
+from fairlead.core.artifacts import read_jsonl, read_manifest
+from fairlead.core.budget import Budget
 from fairlead.core.errors import ArtifactError, UnknownNameError
+from fairlead.evaluation.bench import TrialsConfig
 from fairlead.evaluation.shipped import benchmark_scenes
+from fairlead.execution.trial import Protocol
+from fairlead.learning.registry import load_delta
 from fairlead.report import movie
 from fairlead.report.movie import Card, Take, takes, write_movie
+from fairlead.report.page import write_report
 from fairlead.report.playback import FPS
-from fairlead.report.sources import TrialSet
+from fairlead.report.sources import TrialSet, find_sources
 from fairlead.report.stage import no_camera
-from fairlead.reproduce import stages
+from fairlead.reproduce import stages, trials
 from fairlead.reproduce.line import reproduce
-from fairlead.reproduce.presets import PRESETS, preset
+from fairlead.reproduce.presets import PRESETS, SensitivityConfig, preset
+from fairlead.reproduce.scene_sets import SETS, scene_sets
+from fairlead.reproduce.sensitivity import sensitivity
 from fairlead.scenarios.registry import scenario
 
 DRAGGING = scenario("dragging")
-SMOKE = preset(DRAGGING, "smoke")
+SMOKE = replace(preset(DRAGGING, "smoke"), obstacles_every=2)
 
 
 @contextmanager
@@ -40,7 +51,7 @@ def line(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_method_was_tried_and_reported(line: Path) -> None:
-    rows = list(read_jsonl(line / "trials" / "trials.jsonl"))
+    rows = list(read_jsonl(line / "trials" / "benchmark" / "trials.jsonl"))
     assert {row["method"] for row in rows} == set(SMOKE.methods)
     page = (line / "report" / "report.html").read_text()
     assert all(method in page for method in SMOKE.methods)
@@ -50,16 +61,83 @@ def test_every_method_was_tried_and_reported(line: Path) -> None:
 def test_the_dual_arm_takes_the_same_line(tmp_path: Path) -> None:
     dual_arm = scenario("dual_arm")
     reproduce(dual_arm, preset(dual_arm, "smoke"), tmp_path, 0, 2, _no_bar)
-    rows = list(read_jsonl(tmp_path / "trials" / "trials.jsonl"))
+    rows = list(read_jsonl(tmp_path / "trials" / "benchmark" / "trials.jsonl"))
     assert {row["method"] for row in rows} == set(preset(dual_arm, "smoke").methods)
     assert "trust+recovery" in (tmp_path / "report" / "report.html").read_text()
+
+
+@pytest.mark.parametrize(("name", "every"), [("phase1", 8), ("phase2", 2), ("full", 2)])
+def test_obstacles_move_as_often_as_the_preset_says(line: Path, name: str, every: int) -> None:
+    assert read_manifest(line / "data" / name, "dataset").config["obstacles_every"] == every
+
+
+def test_a_set_of_scenes_that_is_not_here_is_left_out_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FAIRLEAD_AUTHORS_SCENES", str(tmp_path))
+    told: list[str] = []
+    assert set(scene_sets(DRAGGING, SETS, tmp_path, 0, told.append)) == {"benchmark", "hard"}
+    assert len(told) == 1
+    assert "authors" in told[0]
+    assert "FAIRLEAD_AUTHORS_SCENES" in told[0]
+    shutil.copy(benchmark_scenes("dragging"), tmp_path / "dragging.json")
+    assert scene_sets(DRAGGING, SETS, tmp_path, 0, told.append)["authors"] == tmp_path / "dragging.json"
+    assert len(told) == 1
+
+
+def test_each_set_is_a_folder_and_only_stuck_methods_without_recovery_meet_the_papers_protocol(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A trial that is never stuck, or recovers, is the same under both protocols."""
+    tried: dict[str, TrialsConfig] = {}
+    stuck = {"trust": 2, "trust+recovery": 3, "trust-sdf": 0, "accept-all": 0}
+
+    def try_all(config: TrialsConfig, out: Path, *_: object) -> dict[str, Any]:
+        tried[out.name] = config
+        return {"methods": {name: {"stuck_trials": count} for name, count in stuck.items()}}
+
+    monkeypatch.setattr(trials, "try_all", try_all)
+    wanted = replace(SMOKE, methods=tuple(stuck), sets={"hard": None, "authors": 3}, seeds=(4, 5), both_protocols=True,
+                     counted=Budget(extensions=7))  # fmt: skip
+    scenes = benchmark_scenes("dragging")
+    trials.try_sets(DRAGGING, wanted, tmp_path, {"hard": scenes, "authors": scenes}, tmp_path, 1, _no_bar)
+    papers = {"hard-protocol-paper", "authors-protocol-paper"}
+    assert set(tried) == {"hard", "hard-counted", "authors", *papers}
+    assert {tried[name].methods for name in papers} == {("trust",)}
+    assert {name for name, config in tried.items() if config.protocol is Protocol.PAPER} == papers
+    assert (tried["hard"].limit, tried["authors"].limit) == (None, 3)
+    assert [name for name, config in tried.items() if config.traced] == ["hard"]
+    assert (str(tried["hard-counted"].budget), tried["hard-counted"].seeds) == ("extensions=7", (4,))
+
+
+def test_thresholds_share_their_labels_and_change_nothing(line: Path, tmp_path: Path) -> None:
+    """A classifier is the same as one trained alone, again nothing is made again, and the page shows them as one."""
+    data, dynamics, out = line / "data" / "phase2", line / "models" / "dynamics", tmp_path / "sensitivity"
+    delta = load_delta(dynamics, "dragging")
+    config = SensitivityConfig((delta / 2, delta), scenes=1, budget=Budget(extensions=50))
+    made = []
+    for _ in range(2):
+        sensitivity(DRAGGING, config, SMOKE.trust_sdf, data, dynamics, out, 0, 1, _no_bar)
+        made.append({path: path.stat().st_mtime_ns for path in out.glob("*/t*/manifest.json")})
+    assert made[0] == made[1]
+    assert len(made[0]) == 4
+    alone = tmp_path / "alone"
+    stages.trust(DRAGGING, data, dynamics, replace(SMOKE.trust_sdf, delta_m=delta / 2), alone, 0)
+    # Not the files: the order of the header's entries differs from one writing to another.
+    weights = [
+        load_file(folder / "model.safetensors") for folder in (alone, out / f"delta-{delta / 2:g}" / "trust-sdf")
+    ]
+    assert all(torch.equal(tensor, weights[1][name]) for name, tensor in weights[0].items())
+    found = find_sources([out])
+    assert (found.trials, found.models, found.sensitivity) == ((), (), (out,))
+    write_report([out], tmp_path / "report", videos=False)
+    text = (tmp_path / "report" / "report.md").read_text()
+    assert all(f"| {delta:g} | " in text for delta in config.deltas_m)
 
 
 def test_a_movie_has_every_part_at_its_length(line: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A card lasts as long as it says, and a trial no longer than the longest: here a second, to be fast."""
     monkeypatch.setattr(movie, "LONGEST_S", 1)
-    trials, card = TrialSet(line / "trials"), Card("Title", ("a line",), 0.4)
-    parts: list[Card | Take] = [card, *takes(trials, 2), card]
+    found, card = TrialSet(line / "trials" / "benchmark"), Card("Title", ("a line",), 0.4)
+    parts: list[Card | Take] = [card, *takes(found, 2), card]
     assert len(parts) == 3  # one scene was tried
     counted: list[Card | Take] = []
     write_movie(tmp_path / "movie.mp4", parts, no_camera, counted.append)
@@ -69,7 +147,7 @@ def test_a_movie_has_every_part_at_its_length(line: Path, tmp_path: Path, monkey
 
 
 def test_every_artifact_has_a_manifest(line: Path) -> None:
-    folders = [*(line / "data").iterdir(), *(line / "models").iterdir(), line / "trials", line / "report"]
+    folders = [*(line / "data").iterdir(), *(line / "models").iterdir(), *(line / "trials").iterdir(), line / "report"]
     for folder in folders:
         manifest = json.loads((folder / "manifest.json").read_text())
         assert manifest["files"], folder

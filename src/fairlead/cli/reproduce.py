@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -22,7 +24,9 @@ class Command:
     """Folder of data, models, trials and report."""
     preset: str = "desk"
     """smoke (a minute), desk (about a quarter of an hour on two cores; real_tasks, whose trials are many, about an
-    hour), paper (the paper's data sizes)."""
+    hour), paper (the paper's data sizes; hours)."""
+    sensitivity: bool = False
+    """Train and try trust at other thresholds too (Fig. S2), as paper does; not of real_tasks."""
     seed: int = 0
     """Of every random stream."""
     threads: int = os.cpu_count() or 1
@@ -33,7 +37,7 @@ class Command:
     def run(self) -> None:
         """Run what is missing, and name the page."""
         from fairlead.reproduce.line import reproduce
-        from fairlead.reproduce.presets import preset
+        from fairlead.reproduce.presets import SensitivityConfig, preset
         from fairlead.reproduce.tasks import REAL_TASKS, reproduce_tasks
         from fairlead.scenarios.registry import scenario
 
@@ -42,6 +46,9 @@ class Command:
             page = reproduce_tasks(self.preset, *stated)
         else:
             world = scenario(self.scenario)
-            page = reproduce(world, preset(world, self.preset), *stated)
+            sizes = preset(world, self.preset)
+            if self.sensitivity:
+                sizes = replace(sizes, sensitivity=sizes.sensitivity or SensitivityConfig())
+            page = reproduce(world, sizes, *stated, partial(print, file=sys.stderr))
         videos = sorted((page.parent / "videos").glob("*.mp4"))
         show({"page": str(page), **({"video": str(videos[0])} if videos else {})}, self.json)

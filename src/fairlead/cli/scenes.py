@@ -1,4 +1,4 @@
-"""`fairlead scenes SCENARIO --count N --out FILE`."""
+"""`fairlead scenes SCENARIO --count N --out FILE`, or with `--scenes FILE --solved-by TRIALS ...`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fairlead.cli.output import progress_bar, show
 
 @dataclass(frozen=True)
 class Command:
-    """Draw random scenes from a seed, in the format of the scene files."""
+    """Draw random scenes from a seed, or keep those of a scene file that somebody solved."""
 
     scenario: Annotated[str, tyro.conf.Positional]
     """The world, for example `dragging`."""
@@ -26,18 +26,30 @@ class Command:
     hard: bool = False
     """Hard ones. dragging: narrow gaps, wrapped and wedged starts, goals in and behind corners. dual_arm: ropes caught
     under hooks, draped over obstacles, led astray."""
+    scenes: Path | None = None
+    """With --solved-by: the scene file whose first so many solved scenes are kept."""
+    solved_by: tuple[Path, ...] = ()
+    """Folders of trials on those scenes: a scene is kept where any trial in them succeeded."""
     json: bool = False
     """Print one JSON object."""
 
     def run(self) -> None:
-        """Draw, write, and print where."""
+        """Draw or choose, write, and print where."""
+        from fairlead.core.errors import FairleadError
+        from fairlead.evaluation.solved import solved_scenes
         from fairlead.scenarios.generate import generate
         from fairlead.scenarios.registry import scenario
         from fairlead.scenarios.scene_files import write_scenes
 
+        if (self.scenes is None) != (not self.solved_by):
+            raise FairleadError("--scenes FILE and --solved-by TRIALS need each other")
         world = scenario(self.scenario)
         kind = "hard" if self.hard else "random"
-        with progress_bar(f"{self.scenario} scenes", self.count, "scenes") as advance:
-            scenes = generate(world, kind, self.count, self.seed, advance)
-        write_scenes(self.out, world.name, scenes, f"fairlead scenes {self.scenario}, {kind}, seed {self.seed}")
+        if self.scenes is not None:
+            scenes, source = solved_scenes(world, self.scenes, self.solved_by, self.count)
+        else:
+            source = f"fairlead scenes {self.scenario}, {kind}, seed {self.seed}"
+            with progress_bar(f"{self.scenario} scenes", self.count, "scenes") as advance:
+                scenes = generate(world, kind, self.count, self.seed, advance)
+        write_scenes(self.out, world.name, scenes, source)
         show({"scenes": len(scenes), "file": str(self.out)}, self.json)

@@ -114,7 +114,7 @@ def provenance() -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a folder is. `kind` is one of dataset, model, trials, evidence, report, run.
+    """What a folder is. `kind` is one of dataset, model, trials, evidence, sensitivity, report, run.
 
     files maps a relative name to its SHA-256; inputs maps a name to the hash of the manifest that was read.
     """

@@ -13,7 +13,7 @@ cut short says nothing of the model, where the arms are known (docs/adr/0009).
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -35,8 +35,10 @@ CUT_BY_ARMS = (ActionOutcome.JOINT_LIMIT, ActionOutcome.ARM_COLLISION)
 class Examples:
     """Labelled predicted transitions, and where each comes from.
 
-    labels[n] is True where the prediction was reliable; error is d(s_hat^{t+1}, s^{t+1}) [m]. scene[n] indexes
-    `environments`. source[n] is (trajectory, step at which its rollout started, step of its start state).
+    labels[n] is True where the prediction was reliable; error is d(s_hat^{t+1}, s^{t+1}) [m]. before is what must be
+    below delta for it to be an example [m]: d(s_hat^t, s^t) under the rule `figure`, the largest d so far under `text`.
+    scene[n] indexes `environments`. source[n] is (trajectory, step at which its rollout started, step of its start
+    state).
     """
 
     layout: StateLayout
@@ -44,6 +46,7 @@ class Examples:
     transitions: Transitions
     labels: Bool[np.ndarray, " example"]
     error: Float[np.ndarray, " example"]
+    before: Float[np.ndarray, " example"]
     scene: Int[np.ndarray, " example"]
     source: Int[np.ndarray, "example 3"]
 
@@ -54,8 +57,13 @@ class Examples:
         """Some of the examples."""
         t = self.transitions
         chosen = Transitions(t.states[rows], t.actions[rows], t.next_states[rows], t.spread[rows])
-        arrays = (self.labels[rows], self.error[rows], self.scene[rows], self.source[rows])
-        return type(self)(self.layout, self.environments, chosen, *arrays)
+        columns = (self.labels, self.error, self.before, self.scene, self.source)
+        return type(self)(self.layout, self.environments, chosen, *(column[rows] for column in columns))
+
+    def at(self, delta: float) -> Self:
+        """The examples as labelled at a smaller delta [m]: the same as to roll out and label anew."""
+        kept = self.take(np.flatnonzero(self.before < delta))
+        return replace(kept, labels=kept.error < delta)
 
     def sample(self, limit: int, rng: np.random.Generator) -> Self:
         """A uniform sample of `limit` examples in their order; all of them where there are no more."""
@@ -101,11 +109,11 @@ def label(
         environment = data.environments[scene]
         found = (_figure if rule == "figure" else _text)(dynamics, environment, data, wanted, rows, delta)
         parts.append([*found, np.full(len(found[0]), scene)])
-    states, actions, next_states, spread, error, source, scenes = (
+    states, actions, next_states, spread, error, before, source, scenes = (
         np.concatenate(column) for column in zip(*parts, strict=True)
     )
     transitions = Transitions(states, actions, next_states, spread)
-    examples = Examples(data.layout, data.environments, transitions, error < delta, error, scenes, source)
+    examples = Examples(data.layout, data.environments, transitions, error < delta, error, before, scenes, source)
     return examples if limit is None or rng is None else examples.sample(limit, rng)
 
 
@@ -130,13 +138,13 @@ def _figure(
     predicted, spread = roll_out(dynamics, environment, data.states[rows][:, begin].reshape(len(actions), -1), actions)
     actual_at = np.minimum(begin[:, None] + np.arange(steps + 1), length)
     actual = data.states[rows][:, actual_at].reshape(predicted.shape)
-    error = model_error(data.layout, predicted, actual)
+    error = model_error(data.layout, predicted, actual).astype(np.float32)
     recorded = (begin[:, None] + np.arange(steps) < length) & wanted[rows][:, at]
-    kept = recorded.reshape(-1, steps) & (error[:, :-1] < delta)
-    rollout, step = np.nonzero(kept)
+    before = error[:, :-1]
+    rollout, step = np.nonzero(recorded.reshape(-1, steps) & (before < delta))
     first = np.tile(begin, len(rows))[rollout]
     source = np.stack([rows[rollout // length], first, first + step], axis=1)
-    return _gather(predicted, actions, spread, error, rollout, step, source)
+    return _gather(predicted, actions, spread, error, before, rollout, step, source)
 
 
 def _text(
@@ -149,18 +157,19 @@ def _text(
 ) -> _Found:
     """One rollout from each start; everything up to and including the first label 0."""
     predicted, spread = roll_out(dynamics, environment, data.states[rows, 0], data.actions[rows])
-    error = model_error(data.layout, predicted, data.states[rows])
-    good_so_far = np.logical_and.accumulate(error[:, :-1] < delta, axis=1)
-    rollout, step = np.nonzero(good_so_far & wanted[rows])
+    error = model_error(data.layout, predicted, data.states[rows]).astype(np.float32)
+    before = np.maximum.accumulate(error[:, :-1], axis=1)
+    rollout, step = np.nonzero((before < delta) & wanted[rows])
     source = np.stack([rows[rollout], np.zeros_like(step), step], axis=1)
-    return _gather(predicted, data.actions[rows], spread, error, rollout, step, source)
+    return _gather(predicted, data.actions[rows], spread, error, before, rollout, step, source)
 
 
 def _gather(
     predicted: Float32[np.ndarray, "rollout steps_and_one state"],
     actions: Float[np.ndarray, "rollout steps action"],
     spread: Float32[np.ndarray, "rollout steps"],
-    error: Float[np.ndarray, "rollout steps_and_one"],
+    error: Float32[np.ndarray, "rollout steps_and_one"],
+    before: Float32[np.ndarray, "rollout steps"],
     rollout: Int[np.ndarray, " example"],
     step: Int[np.ndarray, " example"],
     source: Int[np.ndarray, "example 3"],
@@ -170,6 +179,7 @@ def _gather(
         actions[rollout, step].astype(np.float32),
         predicted[rollout, step + 1],
         spread[rollout, step],
-        error[rollout, step + 1].astype(np.float32),
+        error[rollout, step + 1],
+        before[rollout, step],
         source,
     )

@@ -56,6 +56,7 @@ def classification(probability: Float[np.ndarray, " n"], label: Bool[np.ndarray,
         "auroc": None if np.isnan(area) else area,
         "log_loss": log_loss(probability, label.astype(float)),
         "reliable_share": float(label.mean()),
+        "accepted_share": float(accepted.mean()),
         "examples": len(label),
         "reliability": reliability(probability, label),
     }

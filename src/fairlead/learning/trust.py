@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from typing import Any, final
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Self, final
 
 import numpy as np
 import torch
@@ -107,32 +108,58 @@ def probabilities(network: TrustNetwork, inputs: Inputs, count: int) -> Float[np
         return torch.sigmoid(torch.cat([network(*inputs(chunk)) for chunk in rows])).numpy()
 
 
+@dataclass(frozen=True)
+class Labelled:
+    """A dataset labelled at delta [m]: its splits under a rule, and its training data under the other rules."""
+
+    delta: float
+    rule: str
+    splits: Mapping[str, Examples]
+    others: Mapping[str, Examples]
+
+    @classmethod
+    def by(cls, dynamics: Dynamics, data: Splits, delta: float, config: TrustConfig) -> Self:
+        """Labelled by the predictions of `dynamics`, for a classifier of that configuration but for its delta."""
+        leave_out = CUT_BY_ARMS if config.reach_known else ()
+
+        def labelled(split: Trajectories, rule: str) -> Examples:
+            return label(dynamics, split, delta, rule, leave_out=leave_out)
+
+        splits = {name: labelled(getattr(data, name), config.rule) for name in ("train", "validation", "test")}
+        others = {rule: labelled(data.train, rule) for rule in RULES if rule != config.rule}
+        return cls(delta, config.rule, splits, others)
+
+    def at(self, delta: float) -> Self:
+        """The same at a smaller delta, without rolling out again."""
+        splits, others = ({name: e.at(delta) for name, e in of.items()} for of in (self.splits, self.others))
+        return type(self)(delta, self.rule, splits, others)
+
+
 def train_trust(dynamics: Dynamics, data: Splits, delta: float, config: TrustConfig, job: Job) -> LearnedCheck:
     """Label the data with the predictions of `dynamics` at `delta` [m], train a classifier and save it."""
     started = time.monotonic()
-    leave_out = CUT_BY_ARMS if config.reach_known else ()
+    return fit_trust(Labelled.by(dynamics, data, delta, config), config, job, started)
 
-    def labelled(split: Trajectories, rule: str) -> Examples:
-        return label(dynamics, split, delta, rule, leave_out=leave_out)
 
-    whole = {name: labelled(getattr(data, name), config.rule) for name in ("train", "validation", "test")}
+def fit_trust(labelled: Labelled, config: TrustConfig, job: Job, started: float | None = None) -> LearnedCheck:
+    """Train a classifier on labelled data and save it; its wall time counts from `started`, or from now."""
+    started = time.monotonic() if started is None else started
+    delta, whole = labelled.delta, labelled.splits
     limits = {"train": config.limit, "validation": HELD_OUT, "test": HELD_OUT}
     examples = {name: e.sample(limits[name], stream(job.seed, "examples", name)) for name, e in whole.items()}
-    network = build_network(data.layout, config, job.seed)
+    layout = whole["train"].layout
+    network = build_network(layout, config, job.seed)
     task = TrustTask(network, examples["train"], examples["validation"])
     key, title = job.key(f"trust at {delta!r}", config), f"trust ({config.network})"
     fit(task, config.stages, job.seed, job.folder, key=key, patience=config.patience, title=title)
-    metrics: dict[str, Any] = {"delta_m": delta, "rule": config.rule}
+    metrics: dict[str, Any] = {"delta_m": delta, "rule": labelled.rule}
     for name, found in examples.items():
         metrics[name] = classification(probabilities(network, network.prepare(found), len(found)), found.labels)
     metrics.update({f"test_{name}": metrics["test"][name] for name in ("accuracy", "precision", "recall", "auroc")})
     held_out = examples["validation"]
     metrics["spread_threshold_m"] = best_threshold(held_out.transitions.spread, held_out.labels)
-    other = {rule: labelled(data.train, rule) for rule in RULES if rule != config.rule}
-    metrics["rules"] = {rule: e.counts() for rule, e in {config.rule: whole["train"], **other}.items()}
-    save_model(
-        job, "trust", config.network, data.layout, config, network.state_dict(), metrics, time.monotonic() - started
-    )
+    metrics["rules"] = {rule: e.counts() for rule, e in {labelled.rule: whole["train"], **labelled.others}.items()}
+    save_model(job, "trust", config.network, layout, config, network.state_dict(), metrics, time.monotonic() - started)
     return LearnedCheck(network)
 
 

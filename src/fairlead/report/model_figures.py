@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from fairlead.report.paper import LEARNING
 from fairlead.report.sources import Model
 from fairlead.report.style import MUTED, figure, method_style
-from fairlead.report.tables import Table, metrics_table
+from fairlead.report.tables import Table, metrics_table, percent
 
 Drawn = tuple[Figure, str, bool]
 
@@ -18,15 +19,49 @@ _LABELS = ("0", "below 1/2", "1/2 and above", "1")
 
 
 def metrics_tables(models: Sequence[Model]) -> list[Table]:
-    """One table a kind of model, with every number that was measured for it; recovery has its own."""
+    """One table a scenario of the paper, beside its numbers; then one a kind of model, with all that was measured."""
     kinds = dict.fromkeys(model.kind for model in models)
     of = {kind: [model for model in models if model.kind == kind] for kind in kinds}
-    return [
+    scenarios = dict.fromkeys(model.config.get("scenario") for model in models)
+    beside = [
+        learning_table(name, [model for model in models if model.config.get("scenario") == name])
+        for name in scenarios
+        if name in LEARNING
+    ]
+    return beside + [
         recovery_table(found)
         if kind == "recovery"
         else metrics_table(kind, {model.name: model.scalars for model in found})
         for kind, found in of.items()
     ]
+
+
+_REPORTED = {
+    "dynamics": {"test_point_error_m": "error per point [m]", "delta_m": "δ [m]"},
+    "trust": {
+        "accuracy": "accuracy",
+        "precision": "precision",
+        "recall": "recall",
+        "auroc": "AUROC",
+        "delta_m": "δ [m]",
+    },
+    "recovery": {"log_loss": "cross-entropy"},
+    "full-dynamics": {"test_point_error_m": "error per point [m]"},
+}
+
+
+def learning_table(scenario: str, models: Sequence[Model]) -> Table:
+    """What the paper reports of its models, ours beside it; and what classifiers were labelled with."""
+    rows = []
+    for model in models:
+        for key, text in _REPORTED[model.kind].items():
+            ours, paper = model.scalars.get(key), LEARNING[scenario].get((model.kind, key))
+            rows.append((f"{model.name}: {text}", *("-" if v is None else f"{v:.4g}" for v in (ours, paper))))
+        for rule, counts in model.metrics.get("rules", {}).items():
+            text = f"{counts['examples']:,}, {percent(counts['reliable'])} reliable"
+            rows.append((f"{model.name}: training examples by the rule of the {rule}", text, "-"))
+    note = "The paper's classifier and recovery see voxels, as trust and recovery here; -sdf see signed distances."
+    return Table(f"{scenario}, beside the paper", ("model", "here", "paper"), tuple(rows), note)
 
 
 def recovery_table(models: Sequence[Model]) -> Table:

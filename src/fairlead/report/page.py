@@ -15,6 +15,7 @@ from fairlead.report.sections import (
     evidence_section,
     learning_section,
     overview_section,
+    sensitivity_section,
     trial_section,
 )
 from fairlead.report.sources import Sources, find_sources
@@ -28,7 +29,7 @@ TITLE = "planning only through what is trusted"
 
 def _provenance(sources: Sources) -> Table:
     folders = [*(t.folder for t in sources.trials), *(m.folder for m in sources.models), *sources.datasets]
-    found = [(folder, read_json(folder / MANIFEST)) for folder in [*folders, *sources.evidence]]
+    found = [(folder, read_json(folder / MANIFEST)) for folder in [*folders, *sources.evidence, *sources.sensitivity]]
     rows = [
         (
             folder.name,
@@ -80,6 +81,7 @@ def write_report(folders: Sequence[Path], out: Path, videos: bool = True, camera
     for trials in sources.trials:
         clips = make_videos(trials, out / "videos", cameras) if videos else []
         sections.append(trial_section(trials, save, clips, cameras))
+    sections += [sensitivity_section(folder, number, save) for number, folder in enumerate(sources.sensitivity)]
     sections += [learning_section(sources, save), evidence_section(sources, save)]
     present = [section for section in sections if section is not None]
     (title, headline), provenance = _headline(sources), _provenance(sources)

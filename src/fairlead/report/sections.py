@@ -16,6 +16,7 @@ from fairlead.core.artifacts import write_atomic
 from fairlead.core.budget import Budget
 from fairlead.core.records import TrialOutcome
 from fairlead.report import evidence_figures, figures, model_figures, tables
+from fairlead.report.sensitivity import threshold_sensitivity
 from fairlead.report.sources import Sources, TrialSet
 from fairlead.report.stage import Cameras, photograph
 from fairlead.report.style import OUTCOMES, method_style, to_svg
@@ -202,3 +203,11 @@ def evidence_section(sources: Sources, save: Figures) -> Section | None:
     section = Section("What the method sees", "Drawn from recorded data and the trained models.")
     section.pictures += [save.save(f"evidence-{n}", *figure) for n, figure in enumerate(drawn)]
     return section
+
+
+def sensitivity_section(folder: Path, number: int, save: Figures) -> Section:
+    """Trust at one threshold after another (Fig. S2)."""
+    title, table, canvas = threshold_sensitivity(folder)
+    caption = "Threshold sensitivity (Fig. S2): a classifier for each δ. Dashed: the δ of the dynamics."
+    lead = "A classifier for each δ, trained alike and tried on the same random scenes, which are drawn for this alone."
+    return Section(title, lead, tables=[table], pictures=[save.save(f"sensitivity-{number}", canvas, caption)])

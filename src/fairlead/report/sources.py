@@ -66,9 +66,14 @@ class Model:
     name: str
 
     @cached_property
+    def config(self) -> dict[str, Any]:
+        """Kind, network, scenario, settings."""
+        return read_manifest(self.folder, "model").config
+
+    @property
     def kind(self) -> str:
         """What it models: dynamics, full-dynamics, trust or recovery."""
-        return read_manifest(self.folder, "model").config["kind"]
+        return self.config["kind"]
 
     @property
     def scalars(self) -> dict[str, float]:
@@ -102,27 +107,34 @@ class Sources:
     models: tuple[Model, ...]
     datasets: tuple[Path, ...]
     evidence: tuple[Path, ...]
+    sensitivity: tuple[Path, ...]
+
+
+_KINDS = ("trials", "model", "dataset", "evidence", "sensitivity")
 
 
 def find_sources(folders: Sequence[Path]) -> Sources:
-    """Look for finished artifacts in the folders and everywhere below.
+    """Look for finished artifacts in the folders and everywhere below, but not in the parts of a threshold sensitivity.
 
     Raises:
         ArtifactError: a folder does not exist, or none holds anything finished.
     """
-    kinds: dict[str, dict[Path, None]] = {"trials": {}, "model": {}, "dataset": {}, "evidence": {}}
+    kinds: dict[str, dict[Path, None]] = {kind: {} for kind in _KINDS}
     for folder in folders:
         if not folder.is_dir():
             raise ArtifactError(folder, "no such folder")
         for path in sorted(folder.rglob(MANIFEST)):
             kinds.setdefault(str(read_json(path).get("kind")), {})[path.parent] = None
-    if not any(kinds[kind] for kind in ("trials", "model", "dataset", "evidence")):
+    wholes = kinds["sensitivity"].keys()
+    found = {kind: tuple(path for path in kinds[kind] if wholes.isdisjoint(path.parents)) for kind in _KINDS}
+    if not any(found.values()):
         raise ArtifactError(folders[0], f"nothing finished here or below (no {MANIFEST} of trials or models)")
     return Sources(
-        tuple(map(TrialSet, kinds["trials"])),
-        _models(list(kinds["model"])),
-        tuple(kinds["dataset"]),
-        tuple(kinds["evidence"]),
+        tuple(map(TrialSet, found["trials"])),
+        _models(found["model"]),
+        found["dataset"],
+        found["evidence"],
+        found["sensitivity"],
     )
 
 

@@ -9,7 +9,7 @@ from fairlead.evaluation.bench import TrialsConfig
 from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
 from fairlead.report.page import write_report
 from fairlead.reproduce.cameras import camera
-from fairlead.reproduce.line import Bar, tried
+from fairlead.reproduce.trials import Bar, try_all
 
 SCENES, BUDGET = 2, Budget(seconds=20)
 METHODS = {"dragging": ("trust-sdf", "accept-all"), "dual_arm": ("trust-sdf+recovery", "accept-all")}
@@ -32,4 +32,5 @@ def try_methods(scenario: str, scenes: int, budget: Budget, out: Path, workers: 
     methods = METHODS[scenario]
     config = TrialsConfig(scenario, shipped_models(scenario), benchmark_scenes(scenario), methods, budget,
                           limit=scenes, traced=scenes, reference=methods[0])  # fmt: skip
-    return tried(config, out, workers, bar)
+    try_all(config, out, workers, bar)
+    return out

@@ -10,7 +10,7 @@ from fairlead.report.movie import Card, Take, recoveries, takes, write_movie
 from fairlead.report.sources import TrialSet
 from fairlead.reproduce.cameras import camera
 from fairlead.reproduce.demo import METHODS, try_methods
-from fairlead.reproduce.line import Bar
+from fairlead.reproduce.trials import Bar
 
 SCENES, BUDGET = 8, Budget(seconds=40)
 OPENING = Card(

@@ -5,6 +5,7 @@ The voxel grids are coarser than the paper's, which take hours on a CPU (`fairle
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from fairlead.core.budget import Budget
@@ -18,6 +19,22 @@ from fairlead.scenarios.scenario import Scenario
 
 
 @dataclass(frozen=True)
+class SensitivityConfig:
+    """Threshold sensitivity (paper, Fig. S2).
+
+    Args:
+        deltas_m: what counts as a reliable prediction [m], one classifier each.
+        scenes: how many random ones, drawn for this alone.
+        budget: of each trial.
+    """
+
+    deltas_m: tuple[float, ...] = (0.025, 0.035, 0.045, 0.055, 0.065, 0.075, 0.085, 0.095, 0.105,
+                                   0.125, 0.145, 0.165, 0.185, 0.205)  # fmt: skip
+    scenes: int = 50
+    budget: Budget = field(default_factory=lambda: Budget(seconds=60))
+
+
+@dataclass(frozen=True)
 class Preset:
     """Sizes and settings of every stage.
 
@@ -28,9 +45,14 @@ class Preset:
         dynamics, full_dynamics, trust, trust_sdf, recovery: of the models.
         methods: what is tried, the first compared with the others.
         budget: of each trial.
-        scenes: how many of the benchmark scenes are tried; None for all.
+        obstacles_every: in phase 2 obstacles move after so many trajectories of a lane; the paper's is 8.
+        sets: of scenes that are tried, by their names in `scene_sets.SETS`; the first so many of each, None for all.
         seeds: of the trials.
-        traced: traces are kept of the first so many scenes.
+        both_protocols: whether methods that were stuck and have no recovery are tried under the protocol `paper` too.
+            For all others the two protocols are the same.
+        counted: budget of further trials, on the first set with the first seed, that do not depend on the clock.
+        sensitivity: trust at other deltas (Fig. S2); None for without.
+        traced: traces are kept of the first so many scenes of the first set.
         videos: whether the report has them.
     """
 
@@ -45,14 +67,20 @@ class Preset:
     methods: tuple[str, ...]
     budget: Budget = field(default_factory=lambda: Budget(seconds=60))
     steps2: int = 0
-    scenes: int | None = None
+    obstacles_every: int = 8
+    sets: Mapping[str, int | None] = field(default_factory=lambda: {"benchmark": None})
     seeds: tuple[int, ...] = (0,)
+    both_protocols: bool = False
+    counted: Budget | None = None
+    sensitivity: SensitivityConfig | None = None
     traced: int = 3
     videos: bool = True
 
 
 LEARNED = ("trust", "trust+recovery", "trust+random-recovery", "trust-sdf", "trust-sdf+recovery",
            "accept-all", "full-dynamics", "collision-check", "spread-threshold")  # fmt: skip
+_SOME: Mapping[str, int | None] = {"benchmark": 16, "hard": 16, "authors": None}
+_ALL = dict.fromkeys(_SOME)
 
 _SMOKE = Preset(
     phase1=32, phase2=32, full=16, steps2=8,
@@ -61,7 +89,7 @@ _SMOKE = Preset(
     trust=TrustConfig("voxel", hidden=16, limit=200, stages=(Stage(1, 32),)),
     trust_sdf=TrustConfig("sdf", hidden=8, limit=1000, stages=(Stage(2, 128),)),
     recovery=RecoveryConfig(samples=8, hidden=16, limit=40, stages=(Stage(1, 32),)),
-    methods=LEARNED, budget=Budget(extensions=300), scenes=1, traced=1, videos=False,
+    methods=LEARNED, budget=Budget(extensions=300), sets={"benchmark": 1}, traced=1, videos=False,
 )  # fmt: skip
 
 _DESK = Preset(
@@ -73,7 +101,7 @@ _DESK = Preset(
     recovery=RecoveryConfig(limit=8000),
     methods=("trust", "trust+recovery", "trust-sdf", "accept-all", "full-dynamics", "collision-check",
              "spread-threshold"),
-    scenes=16,
+    sets=_SOME,
 )  # fmt: skip
 
 _PAPER = Preset(
@@ -83,7 +111,8 @@ _PAPER = Preset(
     trust=TrustConfig("voxel", hidden=128, limit=50_000, stages=(Stage(4, 64),)),
     trust_sdf=TrustConfig("sdf", limit=400_000, stages=(Stage(6, 512),)),
     recovery=RecoveryConfig(limit=20_000),
-    methods=LEARNED, budget=Budget(seconds=180),
+    methods=LEARNED, budget=Budget(seconds=180), sets=_ALL, seeds=(0, 1, 2), both_protocols=True,
+    counted=Budget(extensions=20_000), sensitivity=SensitivityConfig(),
 )  # fmt: skip
 
 _DUAL_SMOKE = Preset(
@@ -93,9 +122,10 @@ _DUAL_SMOKE = Preset(
     trust=TrustConfig("voxel", planar=False, hidden=16, grid=COARSE_GRID_3D, limit=64, stages=(Stage(1, 32),)),
     trust_sdf=TrustConfig("sdf", planar=False, hidden=8, limit=500, stages=(Stage(2, 64),)),
     recovery=RecoveryConfig(samples=4, hidden=16, limit=16, stages=(Stage(1, 32),)),
-    methods=LEARNED, budget=Budget(extensions=200), scenes=1, traced=1, videos=False,
+    methods=LEARNED, budget=Budget(extensions=200), sets={"benchmark": 1}, traced=1, videos=False,
 )  # fmt: skip
 
+# Obstacles that move every 8 trajectories show a dual-arm classifier so few arrangements that it learns them by heart.
 _DUAL_DESK = Preset(
     phase1=1024, phase2=512, full=1024,
     dynamics=DynamicsConfig(planar=False, stages=(Stage(40, 128, 2e-3), Stage(4, 128, 5e-4, 4))),
@@ -105,7 +135,7 @@ _DUAL_DESK = Preset(
     recovery=RecoveryConfig(limit=1500),
     methods=("trust+recovery", "trust+random-recovery", "trust", "trust-sdf+recovery", "accept-all", "accept-all+arms",
              "full-dynamics", "collision-check", "spread-threshold"),
-    scenes=16,
+    obstacles_every=2, sets=_SOME,
 )  # fmt: skip
 
 _DUAL_PAPER = Preset(
@@ -115,7 +145,8 @@ _DUAL_PAPER = Preset(
     trust=TrustConfig("voxel", planar=False, hidden=128, grid=COARSE_GRID_3D, limit=60_000, stages=(Stage(8, 64),)),
     trust_sdf=TrustConfig("sdf", planar=False, limit=400_000, stages=(Stage(6, 512),)),
     recovery=RecoveryConfig(limit=20_000),
-    methods=_DUAL_DESK.methods, budget=Budget(seconds=180),
+    methods=_DUAL_DESK.methods, budget=Budget(seconds=180), obstacles_every=2, sets=_ALL, seeds=(0, 1, 2),
+    both_protocols=True, counted=Budget(extensions=20_000), sensitivity=SensitivityConfig(),
 )  # fmt: skip
 
 PRESETS: dict[str, dict[str, Preset]] = {

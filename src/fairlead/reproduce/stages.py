@@ -87,23 +87,24 @@ def _plain(value: Any) -> Any:
     return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-def _model(
+def train_once(
     scenario: Scenario, folder: Path, config: Any, inputs: Mapping[str, Path], seed: int, train: Callable[[Job], object]
 ) -> None:
+    """Train a model where its folder does not hold it yet; `finished` says what is refused."""
     if not finished(folder, config, inputs, seed):
         train(Job(folder, scenario.name, seed, _hashes(inputs)))
 
 
 def dynamics(scenario: Scenario, data: Path, config: DynamicsConfig, out: Path, seed: int) -> None:
     """Train the unconstrained dynamics on phase 1 data."""
-    _model(scenario, out, config, {"data": data}, seed,
-           lambda job: train_dynamics(splits(data, scenario, 1), config, job))  # fmt: skip
+    train_once(scenario, out, config, {"data": data}, seed,
+               lambda job: train_dynamics(splits(data, scenario, 1), config, job))  # fmt: skip
 
 
 def full_dynamics(scenario: Scenario, data: Path, config: FullDynamicsConfig, out: Path, seed: int) -> None:
     """Train the full dynamics baseline on data recorded as in phase 2."""
-    _model(scenario, out, config, {"data": data}, seed,
-           lambda job: train_full_dynamics(splits(data, scenario, 2), config, job))  # fmt: skip
+    train_once(scenario, out, config, {"data": data}, seed,
+               lambda job: train_full_dynamics(splits(data, scenario, 2), config, job))  # fmt: skip
 
 
 def trust(scenario: Scenario, data: Path, dynamics: Path, config: TrustConfig, out: Path, seed: int) -> None:
@@ -114,7 +115,7 @@ def trust(scenario: Scenario, data: Path, dynamics: Path, config: TrustConfig, o
         delta = load_delta(dynamics, scenario.kin) if config.delta_m is None else config.delta_m
         train_trust(model, splits(data, scenario, 2), delta, config, job)
 
-    _model(scenario, out, config, {"data": data, "dynamics": dynamics}, seed, train)
+    train_once(scenario, out, config, {"data": data, "dynamics": dynamics}, seed, train)
 
 
 def recovery(
@@ -127,7 +128,7 @@ def recovery(
         trusted = within_reach(check, scenario)
         train_recovery(model, check, trusted, scenario.sampler, splits(data, scenario, 2), config, job)
 
-    _model(scenario, out, config, {"data": data, "dynamics": dynamics, "trust": trust}, seed, train)
+    train_once(scenario, out, config, {"data": data, "dynamics": dynamics, "trust": trust}, seed, train)
 
 
 def evidence(scenario: Scenario, data: Path, dynamics: Path, trust: Path, out: Path, seed: int) -> None:

@@ -19,8 +19,9 @@ from fairlead.learning.registry import use_threads
 from fairlead.report.page import write_report
 from fairlead.reproduce import stages
 from fairlead.reproduce.cameras import camera
-from fairlead.reproduce.line import Bar, recorded, tried
+from fairlead.reproduce.line import recorded
 from fairlead.reproduce.presets import Preset, preset
+from fairlead.reproduce.trials import Bar, try_all
 from fairlead.scenarios.other_world import MOCKUP
 from fairlead.scenarios.registry import TASKS, scenario
 from fairlead.scenarios.scenario import Scenario
@@ -57,9 +58,9 @@ def reproduce_tasks(size: str, out: Path, seed: int, threads: int, bar: Bar) -> 
         counted = math.isfinite(of.budget.extensions)
         config = TrialsConfig(
             task.name, models, benchmark_scenes(task.name), METHODS, of.budget if counted else BUDGET,
-            limit=of.scenes if counted else None, traced=of.traced, reference=METHODS[0], differences=MOCKUP,
+            limit=of.sets["benchmark"] if counted else None, traced=of.traced, reference=METHODS[0], differences=MOCKUP,
         )  # fmt: skip
-        tried(config, out / "trials" / f"{task.name}-mockup", threads, bar)
+        try_all(config, out / "trials" / f"{task.name}-mockup", threads, bar)
     return write_report([out], out / "report", videos=sizes[0].videos, cameras=camera)
 
 
