@@ -66,7 +66,7 @@ class FakeWorld(SimulatedWorld):
     def send(self, ids: np.ndarray, actions: np.ndarray) -> None:
         self._sent |= dict(zip(ids.tolist(), actions, strict=True))
 
-    def receive(self) -> tuple[np.ndarray, Executed]:
+    def receive(self, wanted: int = 1) -> tuple[np.ndarray, Executed]:
         """One copy after the other, in an order that is another one in the next world."""
         index = int(self._order.choice(list(self._sent)))
         action = self._sent.pop(index)

@@ -107,8 +107,8 @@ class Lanes:
     def _wait(self) -> Int[np.ndarray, " some"]:
         """Note what happens until enough of the lanes that go on are at rest; those lanes."""
         resting = np.empty(0, int)
-        while len(resting) * TOGETHER < self._going.sum():
-            ids, done = self._world.receive()
+        while (wanted := -(-int(self._going.sum()) // TOGETHER) - len(resting)) > 0:
+            ids, done = self._world.receive(wanted)
             self._taken[ids] += 1
             at = self._finished[ids], ids, self._taken[ids]
             self._states[at], self._seconds[at], self._outcomes[at] = done.states, done.seconds, done.outcomes

@@ -54,7 +54,7 @@ class ComputedWorld(SimulatedWorld):
     def restart(self, ids: Int[np.ndarray, " some"], states: Float[np.ndarray, "some state"]) -> None:
         self._states[ids], self._restarted[ids] = states, True
 
-    def receive(self) -> tuple[Int[np.ndarray, " some"], Executed]:
+    def receive(self, wanted: int = 1) -> tuple[Int[np.ndarray, " some"], Executed]:
         ids = np.flatnonzero(self._restarted)
         if len(ids):
             self._restarted[ids] = False

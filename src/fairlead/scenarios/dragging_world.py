@@ -177,7 +177,9 @@ class DraggingWorld(PhysicalWorld):
         self._drive()
         simulation.step(ids)
         moving, gap = self._end == _NEVER, self._to - self._at
-        arrived = moving & ((gap * gap).sum(1) < tolerance**2) & (np.abs(self._speed).max(1) < tolerance)
+        arrived = moving & ((gap * gap).sum(1) < tolerance**2)
+        if arrived.any():
+            arrived &= np.abs(self._speed).max(1) < tolerance
         late = moving & ~arrived & (clock == self._last)
         bad = np.zeros_like(moving)
         self._ticks += 1

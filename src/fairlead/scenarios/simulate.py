@@ -37,8 +37,10 @@ class SimulatedWorld(World):
         """Put these copies, all of them at rest, into these states, as a new world would; `receive` tells of it too."""
 
     @abstractmethod
-    def receive(self) -> tuple[Int[np.ndarray, " some"], Executed]:
-        """Simulate until at least one copy is at rest after its action; those copies, in order, and what happened.
+    def receive(self, wanted: int = 1) -> tuple[Int[np.ndarray, " some"], Executed]:
+        """Simulate until so many copies, or all that act, are at rest; those copies, in order, and what happened.
+
+        A world may tell of fewer, at least one: to wait for several only saves time.
 
         Raises:
             FairleadError: no copy has an action that was sent and not yet received.
@@ -59,7 +61,7 @@ class SimulatedWorld(World):
         """What happened to `count` copies, all that something was sent to, in their order."""
         parts: list[tuple[np.ndarray, Executed]] = []
         while sum(len(ids) for ids, _ in parts) < count:
-            parts.append(self.receive())
+            parts.append(self.receive(count - sum(len(ids) for ids, _ in parts)))
         order = np.argsort(np.concatenate([ids for ids, _ in parts]))
         columns = [np.concatenate([getattr(done, field.name) for _, done in parts]) for field in fields(Executed)]
         return Executed(*(column[order] for column in columns))
@@ -192,15 +194,17 @@ class PhysicalWorld(SimulatedWorld):
         self._active = np.union1d(self._active, ids).astype(np.int32)
 
     @final
-    def receive(self) -> tuple[Int[np.ndarray, " some"], Executed]:
+    def receive(self, wanted: int = 1) -> tuple[Int[np.ndarray, " some"], Executed]:
         if not len(self._active):
             raise FairleadError("no copy of the world has an action to carry out: send some first")
-        at_rest = np.zeros(len(self._active), bool)
-        while not at_rest.any():
+        left, rested = max(len(self._active) - wanted, 0), []
+        while len(self._active) > left:
             self._clock[self._active] += 1
             at_rest = self._tick(self._active)
-        ids, self._active = self._active[at_rest], self._active[~at_rest]
-        simulation = self.simulation
+            if at_rest.any():
+                rested.append(self._active[at_rest])
+                self._active = self._active[~at_rest]
+        ids, simulation = np.sort(np.concatenate(rested)), self.simulation
         lost = ids[self._unsound[ids] | simulation.diverged(ids) | (self._outcome[ids] == _DIVERGED)]
         self._outcome[lost] = _DIVERGED
         simulation.qpos[lost], simulation.mocap[lost] = self._safe_qpos[lost], self._safe_mocap[lost]
