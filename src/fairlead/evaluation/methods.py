@@ -44,6 +44,9 @@ METHODS: dict[str, Method] = {
     "trust+random-recovery": Method("learned", "trust", "random", "The classifier; stuck, a random action."),
     "trust-sdf": Method("learned", "trust-sdf", "none", "A small classifier on signed distances."),
     "trust-sdf+recovery": Method("learned", "trust-sdf", "learned-sdf", "The small classifier, with recovery."),
+    "trust-sdf+random-recovery": Method(
+        "learned", "trust-sdf", "random", "The small classifier; stuck, a random action."
+    ),
     "accept-all": Method("learned", "accept-all", "none", "The same dynamics, trusted everywhere."),
     "accept-all+arms": Method("learned", "arms", "none", "Trusted everywhere that the arms can reach."),
     "full-dynamics": Method("full", "accept-all", "none", "Dynamics that learn the obstacles too, no check."),

@@ -21,6 +21,7 @@ _METHODS = {
     "trust+random-recovery": ("#0072b2", ":"),
     "trust-sdf": ("#009e73", "-"),
     "trust-sdf+recovery": ("#009e73", "--"),
+    "trust-sdf+random-recovery": ("#009e73", ":"),
     "accept-all": ("#d55e00", "-"),
     "accept-all+arms": ("#d55e00", "--"),
     "full-dynamics": ("#cc79a7", "-"),
