@@ -54,7 +54,7 @@ class VoxelEncoder(nn.Module):
     def forward(self, voxels: Float[Tensor, "batch channel nx ny nz"]) -> Float[Tensor, "batch feature"]:
         """Features of each grid."""
         if not self.planar:
-            return self.layers(voxels).flatten(1)
+            return self.layers(voxels.contiguous(memory_format=torch.channels_last_3d)).flatten(1)
         folded = voxels.permute(0, 4, 1, 2, 3).flatten(0, 1).contiguous(memory_format=torch.channels_last)
         return self.layers(folded).reshape(len(voxels), -1)
 
