@@ -177,8 +177,9 @@ def test_rows_do_not_influence_each_other() -> None:
     np.testing.assert_array_equal(alone, again)
 
 
-def test_copies_need_not_wait_for_each_other() -> None:
-    """Copies that go on as soon as each is at rest end where they end in lockstep."""
+@pytest.mark.parametrize("wanted", [1, 3])
+def test_copies_need_not_wait_for_each_other(wanted: int) -> None:
+    """Copies that go on as soon as each, or some, are at rest end where they end in lockstep."""
     lockstep, obstacles, rng = _random_worlds(5, 8)
     world = DRAGGING.simulate(obstacles, lockstep.observe())
     shifts = rng.uniform(-0.1, 0.1, (3, 5, 2))
@@ -190,7 +191,9 @@ def test_copies_need_not_wait_for_each_other() -> None:
     while (taken < 3).any():
         target = world.observe()[ready, :3]
         world.send(ready, np.c_[target[:, :2] + shifts[taken[ready], ready], target[:, 2]])
-        ids, _ = world.receive()
+        acting = len(world._active)
+        ids, _ = world.receive(wanted)
+        assert len(ids) >= min(wanted, acting)
         taken[ids] += 1
         ready = ids[taken[ids] < 3]
     np.testing.assert_array_equal(world.observe(), lockstep.observe())
