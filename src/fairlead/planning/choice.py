@@ -48,7 +48,7 @@ class ToTheMiddle(Planner):
         share: of the goal's tolerance.
     """
 
-    def __init__(self, planner: Planner, share: float = 0.4) -> None:
+    def __init__(self, planner: Planner, share: float = 0.8) -> None:
         if not 0 < share <= 1:
             raise FairleadError(f"share {share}: more than 0 and at most 1 is needed")
         self.planner, self.share = planner, share
