@@ -79,8 +79,8 @@ class Preset:
 
 LEARNED = ("trust", "trust+recovery", "trust+random-recovery", "trust-sdf", "trust-sdf+recovery",
            "accept-all", "full-dynamics", "collision-check", "spread-threshold")  # fmt: skip
-_SOME: Mapping[str, int | None] = {"benchmark": 16, "hard": 16, "authors": None}
-_ALL = dict.fromkeys(_SOME)
+_SOME: Mapping[str, int | None] = {"benchmark": 16, "hard": 16}
+_ALL: Mapping[str, int | None] = {"benchmark": None, "hard": None, "authors": None}
 
 _SMOKE = Preset(
     phase1=32, phase2=32, full=16, steps2=8,
@@ -98,7 +98,7 @@ _DESK = Preset(
     phase1=1536, phase2=320, full=627,
     dynamics=DynamicsConfig(stages=(Stage(40, 128, 2e-3), Stage(3, 128, 5e-4, 4))),
     full_dynamics=FullDynamicsConfig(stages=(Stage(6, 64), Stage(1, 64, 3e-4, 4))),
-    trust=TrustConfig("voxel", hidden=128, limit=12_000, stages=(Stage(4, 64),)),
+    trust=TrustConfig("voxel", hidden=128, limit=24_000, stages=(Stage(8, 64),)),
     trust_sdf=TrustConfig("sdf", limit=100_000, stages=(Stage(4, 256),)),
     recovery=RecoveryConfig(limit=8000),
     methods=LEARNED, obstacles_every=2, sets=_SOME,
