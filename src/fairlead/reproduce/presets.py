@@ -98,7 +98,7 @@ _DESK = Preset(
     phase1=1536, phase2=320, full=627,
     dynamics=DynamicsConfig(stages=(Stage(40, 128, 2e-3), Stage(3, 128, 5e-4, 4))),
     full_dynamics=FullDynamicsConfig(stages=(Stage(6, 64), Stage(1, 64, 3e-4, 4))),
-    trust=TrustConfig("voxel", hidden=128, limit=24_000, stages=(Stage(8, 64),)),
+    trust=TrustConfig("voxel", hidden=128, limit=12_000, stages=(Stage(4, 64),)),
     trust_sdf=TrustConfig("sdf", limit=100_000, stages=(Stage(4, 256),)),
     recovery=RecoveryConfig(limit=8000),
     methods=LEARNED, obstacles_every=2, sets=_SOME,
