@@ -119,8 +119,9 @@ _DUAL_SMOKE = Preset(
     phase1=16, phase2=16, full=16, steps2=4,
     dynamics=DynamicsConfig(hidden=32, blocks=1, planar=False, stages=(Stage(4, 64), Stage(2, 64, 3e-4, 4))),
     full_dynamics=FullDynamicsConfig(hidden=32, planar=False, grid=COARSE_GRID_3D, stages=(Stage(1, 32),)),
-    trust=TrustConfig("voxel", planar=False, hidden=16, grid=COARSE_GRID_3D, limit=64, stages=(Stage(1, 32),)),
-    trust_sdf=TrustConfig("sdf", planar=False, hidden=8, limit=500, stages=(Stage(2, 64),)),
+    trust=TrustConfig("voxel", planar=False, delta_m=0.1, hidden=16, grid=COARSE_GRID_3D, limit=64,
+                      stages=(Stage(1, 32),)),
+    trust_sdf=TrustConfig("sdf", planar=False, delta_m=0.1, hidden=8, limit=500, stages=(Stage(2, 64),)),
     recovery=RecoveryConfig(samples=4, hidden=16, limit=16, stages=(Stage(1, 32),)),
     methods=LEARNED, budget=Budget(extensions=200), sets={"benchmark": 1}, traced=1, videos=False,
 )  # fmt: skip
