@@ -119,6 +119,15 @@ def test_packed_models_serve_every_method_and_keep_their_history(models: Path, t
         assert not {"curves.csv", "curves.png"} & set(after.files)
 
 
+def test_what_is_packed_already_is_copied_with_its_history(models: Path, tmp_path: Path) -> None:
+    once, twice = tmp_path / "once", tmp_path / "twice"
+    assert pack(models, once) == pack(once, twice)
+    names = sorted(path.relative_to(once) for path in once.rglob("*") if path.is_file())
+    assert names == sorted(path.relative_to(twice) for path in twice.rglob("*") if path.is_file())
+    for name in names:
+        assert (once / name).read_bytes() == (twice / name).read_bytes(), name
+
+
 def test_a_classifier_is_refused_beside_dynamics_it_was_not_trained_on(models: Path, tmp_path: Path) -> None:
     pack(models, tmp_path / "packed")
     change(models, 0.1)

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from fairlead.core.errors import FairleadError
+from fairlead.core.records import ActionOutcome, PlanOutcome, SearchTree, TrialOutcome
+from fairlead.core.traces import Trace, TracedAction, TracedPlan
 from fairlead.evaluation.shipped import benchmark_scenes
 from fairlead.scenarios.arms import TOLERANCE
 from fairlead.scenarios.registry import scenario
-from fairlead.scenarios.trajectory import REST_S, Trajectory, trajectory
+from fairlead.scenarios.trajectory import REST_S, Trajectory, planned, trajectory
 
 NAMES = ["fetch_cable", "install_hose", "dual_arm"]
 each = pytest.mark.parametrize("name", NAMES)
@@ -37,6 +39,32 @@ def parts(name: str, found: Trajectory) -> tuple[np.ndarray, np.ndarray, np.ndar
     count = len(scenario(name).layout.grippers)
     times, places, joints = found.rows[:, 0], found.rows[:, 2 : 2 + 3 * count], found.rows[:, 2 + 3 * count :]
     return times, places.reshape(len(times), count, 3), joints.reshape(len(times), count, -1)
+
+
+def test_the_first_plan_is_exported_and_says_whether_it_ends_in_the_goal() -> None:
+    world = scenario("dragging")
+    scene = world.scenes(benchmark_scenes("dragging")).scenes[0]
+    start, nothing = scene.state(world.layout), np.zeros((0, world.layout.state_size))
+    tree = SearchTree(nothing, np.zeros(0, int), np.zeros(0))
+    target = start[:3] + np.array([0.05, 0.0, 0.0])
+
+    def attempt(index: int, outcome: PlanOutcome) -> TracedPlan:
+        found = (nothing, np.zeros((0, 3))) if outcome is PlanOutcome.STUCK else (start[None], target[None])
+        return TracedPlan(index, outcome, 0.0, 32, *found, np.ones(len(found[1])), tree)
+
+    def exported(*outcomes: PlanOutcome) -> Trajectory:
+        plans = tuple(attempt(*of) for of in enumerate(outcomes))
+        recovery = TracedAction(0, True, target, ActionOutcome.TARGET, 1.0, 1.0, start, 0.3)
+        trace = Trace({"scene": scene.name}, world.layout, start, 0.3, plans, (recovery,), TrialOutcome.BUDGET, {})
+        return planned(world, scene, trace)
+
+    for outcome in (PlanOutcome.PARTIAL, PlanOutcome.GOAL):
+        found = exported(PlanOutcome.STUCK, outcome, PlanOutcome.GOAL)
+        assert found.about["outcome"] == outcome.label
+        assert (found.about["plan"], found.about["recovered"]) == (1, 1)
+        assert found.rows[-1, 2:5] == pytest.approx(target, abs=1e-6)
+    with pytest.raises(FairleadError, match="no plan to export"):
+        exported(PlanOutcome.STUCK)
 
 
 @each

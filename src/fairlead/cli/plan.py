@@ -46,7 +46,7 @@ class Command:
     def run(self) -> None:
         """Plan, execute, print how it ended."""
         from fairlead.core.budget import Budget
-        from fairlead.core.errors import ArtifactError
+        from fairlead.core.errors import ArtifactError, FairleadError
         from fairlead.core.traces import read_trace
         from fairlead.evaluation.bench import Bench, Job, TrialsConfig
         from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
@@ -71,6 +71,11 @@ class Command:
                 write_video(self.video, single)
             row["video"] = str(self.video)
         if self.export is not None:
-            planned(bench.scenario, scene, read_trace(self.trace)).write(self.export)
-            row["export"] = str(self.export)
+            try:
+                exported = planned(bench.scenario, scene, read_trace(self.trace))
+            except FairleadError as error:  # the trial's result is worth showing all the same
+                row["export"] = f"none: {error}"
+            else:
+                exported.write(self.export)
+                row |= {"export": str(self.export), "exported_plan": exported.about["outcome"]}
         show(row | {"trace": str(self.trace)}, self.json)

@@ -51,10 +51,15 @@ class Packed:
 def pack_model(folder: Path, scenario: str, sampler: ActionSampler, probes: Sequence[Probe], out: Path) -> Packed:
     """Write the model in `folder` to `out`, half as large where `probes` show no more difference than `LOST`.
 
-    What says where the model comes from stays as it was: configuration, metrics, seed, inputs.
+    What says where the model comes from stays as it was: configuration, metrics, seed, inputs. One that is packed
+    already is copied: packed again, it would say that nothing was lost.
     """
     manifest = read_manifest(folder, "model")
     kind = manifest.config["kind"]
+    if PACKED_FROM in manifest.extra:
+        for name in (*manifest.files, MANIFEST):
+            write_atomic(out / name, (folder / name).read_bytes())
+        return _packed(out, manifest)
     model = read_model(folder, kind, scenario)
     small = replace(model, tensors={name: _halved(tensor) for name, tensor in model.tensors.items()})
     answers = [np.concatenate(list(map(_ANSWERS[kind](m, sampler), probes))) for m in (model, small)]
@@ -76,8 +81,14 @@ def pack_model(folder: Path, scenario: str, sampler: ActionSampler, probes: Sequ
     write_atomic(out / "card.md", f"{card}\n{note}")
     files = {name: sha256(out / name) for name in ("model.safetensors", "config.json", "metrics.json", "card.md")}
     extra = {PACKED_FROM: origin, "halved": halved, "difference": difference}
-    Manifest("model", manifest.config, manifest.seed, files, manifest.inputs, extra, manifest.wall_s).write(out)
-    return Packed(kind, halved, difference, sum((out / name).stat().st_size for name in files))
+    packed = Manifest("model", manifest.config, manifest.seed, files, manifest.inputs, extra, manifest.wall_s)
+    packed.write(out)
+    return _packed(out, packed)
+
+
+def _packed(out: Path, manifest: Manifest) -> Packed:
+    size = sum((out / name).stat().st_size for name in manifest.files)
+    return Packed(manifest.config["kind"], manifest.extra["halved"], manifest.extra["difference"], size)
 
 
 def _halved(tensor: Tensor) -> Tensor:

@@ -15,7 +15,7 @@ from fairlead.core.records import Transitions
 from fairlead.core.streams import stream
 from fairlead.evaluation.methods import Models
 from fairlead.evaluation.shipped import benchmark_scenes
-from fairlead.learning.packing import Packed, Probe, pack_model
+from fairlead.learning.packing import PACKED_FROM, Packed, Probe, pack_model
 from fairlead.learning.registry import load_dynamics
 from fairlead.scenarios.registry import scenario as find_scenario
 from fairlead.scenarios.scenario import Scenario
@@ -80,7 +80,7 @@ def _readme(scenario: Scenario, models: Models, packed: Mapping[str, Packed]) ->
         precision = "half" if of.halved else "single"
         lines.append(
             f"| [{name}]({name}/card.md) | {precision} | {of.bytes / 1e6:.1f} | {of.difference:.1e} "
-            f"| {manifest.seed} | {data} | {models.hashes[name][:12]} |"
+            f"| {manifest.seed} | {data} | {manifest.extra.get(PACKED_FROM, models.hashes[name])[:12]} |"
         )
     return "\n".join([
         *lines,

@@ -72,13 +72,15 @@ def require_format(path: Path) -> None:
 def planned(scenario: Scenario, scene: Scene, trace: Trace) -> Trajectory:
     """The first plan of a trial, as predicted; "plan" is its number, "recovered" counts the recovery actions before it.
 
+    "outcome" says whether it ends in the goal, or is partial: as near to the goal as planning came in time.
+
     Raises:
         FairleadError: every planning attempt was stuck.
     """
     for plan in trace.plans:
         if len(plan.actions):
             recovered = sum(action.plan < plan.index for action in trace.actions)
-            about = {**trace.about, "plan": plan.index, "recovered": recovered}
+            about = {**trace.about, "plan": plan.index, "outcome": plan.outcome.label, "recovered": recovered}
             return trajectory(scenario, scene, plan.states[0], plan.actions, about)
     raise FairleadError(f"scene '{scene.name}': every planning attempt was stuck, so there is no plan to export")
 
