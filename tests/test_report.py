@@ -24,7 +24,7 @@ from fairlead.report.model_figures import metrics_tables
 from fairlead.report.movie import recoveries, takes
 from fairlead.report.page import write_report
 from fairlead.report.playback import FPS, SPEED, Branches, Episode, Recording, as_predicted, views
-from fairlead.report.sources import TrialSet, find_sources
+from fairlead.report.sources import TrialSet, find_sources, told_apart
 from fairlead.report.tables import Table, actions_table, overview_table, success_table
 from fairlead.report.video import Panel, frame, within, write_video
 from fairlead.reproduce.cameras import camera
@@ -304,3 +304,21 @@ def test_how_actions_ended_is_counted_over_trials_and_shown_as_shares() -> None:
     table = actions_table(summary)
     assert table.columns == ("method", "actions", "target", "joint limit")
     assert table.rows == (("trust", "8", "75.0 %", "25.0 %"),)
+
+
+def test_sets_of_trials_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    folders = [tmp_path / of for of in ("desk/trials/hard", "dual/trials/hard", "desk/trials/easy", "hard")]
+    names = told_apart(folders, "-")
+    assert names[:3] == ["desk-trials-hard", "dual-trials-hard", "easy"]
+    assert len(set(names)) == 4
+
+
+def test_a_page_over_two_lines_keeps_the_figures_of_both(trials: Path, tmp_path: Path) -> None:
+    lines = [tmp_path / line for line in ("desk", "dual")]
+    for line in lines:
+        shutil.copytree(trials, line / "trials" / "benchmark")
+    page = write_report(lines, tmp_path / "report", videos=False).read_text()
+    assert page.count("<img") == 2 * 5
+    manifest = json.loads((tmp_path / "report" / "manifest.json").read_text())
+    assert len(manifest["inputs"]) == 2
+    assert sum(name.startswith("figures/") for name in manifest["files"]) == 2 * 5

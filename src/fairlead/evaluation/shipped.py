@@ -32,7 +32,11 @@ def benchmark_scenes(scenario: str) -> Path:
 
 def hard_scenes(scenario: str) -> Path:
     """The file of the hard scenes that come with the package; raises as `shipped_models`."""
-    return _found(scenario, f"scenarios/scenes/{scenario}_hard.json", "fairlead scenes --hard draws some")
+    return _found(
+        scenario,
+        f"scenarios/scenes/{scenario}_hard.json",
+        "fairlead scenes --hard draws some, and evaluate --scenes tries them",
+    )
 
 
 def authors_folder() -> Path:

@@ -35,4 +35,6 @@ def solved_scenes(scenario: Scenario, path: Path, trials: Sequence[Path], count:
         raise FairleadError(f"count {count}: {len(solved)} of the {len(scenes)} scenes of {path} were solved")
     left = kept[-1] + 1 - count
     source = f"{read_json(path).get('source', path.name)}: the first {count} of {len(scenes)} that were solved by "
-    return [scenes[i] for i in kept], f"{source}{'; '.join(by)}; {left} before the last of them were not"
+    return [
+        scenes[i] for i in kept
+    ], f"{source}{'; '.join(by)}; {left} before the last of them were not, or were not tried"

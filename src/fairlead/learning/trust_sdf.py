@@ -106,7 +106,7 @@ class SdfTrust(TrustNetwork):
     def frozen(
         self, environment: Environment, states: Float[np.ndarray, "batch state"]
     ) -> Float32[np.ndarray, "batch frozen"]:
-        encoding = self.encode(environment, states)
+        encoding = self.encode(environment, states).copy()
         encoding[:, ::4] = np.clip(encoding[:, ::4], -FAR_M, FAR_M) / UNIT_M
         return encoding
 

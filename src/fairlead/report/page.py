@@ -101,7 +101,7 @@ def write_report(folders: Sequence[Path], out: Path, videos: bool = True, camera
         written |= {path for clip in section.clips for path in (clip.path, clip.gif) if path is not None}
     for path in earlier - written:
         path.unlink(missing_ok=True)
-    inputs = {t.folder.name: sha256(t.folder / MANIFEST) for t in sources.trials}
+    inputs = {t.name: sha256(t.folder / MANIFEST) for t in sources.trials}
     files = {str(path.relative_to(out)): sha256(path) for path in sorted(written)}
     Manifest("report", {"folders": [folder.name for folder in folders]}, 0, files, inputs, {}).write(out)
     return out / PAGE

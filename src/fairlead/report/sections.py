@@ -108,7 +108,7 @@ def matrix(trials: TrialSet) -> dict[str, Any]:
 
 def title_of(trials: TrialSet) -> str:
     """What a set of trials is called: its scenario, and its folder where that says more."""
-    scenario, name = trials.config["scenario"], trials.folder.name
+    scenario, name = trials.config["scenario"], trials.name
     return name if name.startswith(scenario) else f"{scenario}: {name}"
 
 
@@ -143,7 +143,7 @@ def trial_section(trials: TrialSet, save: Figures, clips: list[Clip], cameras: C
 
 def _trial_pictures(trials: TrialSet, save: Figures, seconds: float, cameras: Cameras) -> list[Picture]:
     """The first scene through the camera, if there is one, and the figures; `seconds` is the budget of a trial [s]."""
-    name, first = trials.folder.name, trials.scenes[0]
+    name, first = trials.name, trials.scenes[0]
     image = photograph(trials.config["scenario"], first, cameras)
     caption = f"Scene {first['name']} at its start, and its goal."
     found = [] if image is None else [save.save_photograph(f"{name}-scene", image, caption)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,9 +15,13 @@ from fairlead.core.errors import ArtifactError
 
 @dataclass(frozen=True)
 class TrialSet:
-    """A folder of trials: every method on one set of scenes."""
+    """A folder of trials: every method on one set of scenes. `name`, the folder's by default, tells it from others."""
 
     folder: Path
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", self.name or self.folder.name)
 
     @cached_property
     def config(self) -> dict[str, Any]:
@@ -130,7 +133,7 @@ def find_sources(folders: Sequence[Path]) -> Sources:
     if not any(found.values()):
         raise ArtifactError(folders[0], f"nothing finished here or below (no {MANIFEST} of trials or models)")
     return Sources(
-        tuple(map(TrialSet, found["trials"])),
+        tuple(map(TrialSet, found["trials"], told_apart(found["trials"], "-"))),
         _models(found["model"]),
         found["dataset"],
         found["evidence"],
@@ -141,5 +144,14 @@ def find_sources(folders: Sequence[Path]) -> Sources:
 def _models(folders: Sequence[Path]) -> tuple[Model, ...]:
     """The models in these folders; of copies of one, the first."""
     different = list({sha256(folder / MANIFEST): folder for folder in reversed(folders)}.values())[::-1]
-    count = Counter(folder.name for folder in different)
-    return tuple(Model(f, f.name if count[f.name] == 1 else f"{f.parent.name}/{f.name}") for f in different)
+    return tuple(map(Model, different, told_apart(different, "/")))
+
+
+def told_apart(folders: Sequence[Path], joint: str) -> list[str]:
+    """A name for each folder: its own, with as many of those above it as tell it from the others."""
+    parts, names = [folder.absolute().parts for folder in folders], []
+    for of in parts:
+        depths = range(1, len(of))
+        alone = (d for d in depths if sum(other[-d:] == of[-d:] for other in parts) == 1)
+        names.append(joint.join(of[-next(alone, 1) :]))
+    return names

@@ -64,7 +64,7 @@ def _metres(value: float | None) -> str:
 
 
 def overview_table(summaries: Mapping[str, Summary]) -> Table:
-    """Success and mean error of every method in each set of trials, and the means of these over the sets."""
+    """Success and mean error of every method in each set of trials, and the means of these over sets of one budget."""
     names = list(dict.fromkeys(name for summary in summaries.values() for name in summary["order"]))
     rows = []
     for title, summary in summaries.items():
@@ -78,7 +78,8 @@ def overview_table(summaries: Mapping[str, Summary]) -> Table:
         entries = [summary["methods"][name] for summary in summaries.values() if name in summary["methods"]]
         both = (sum(values) / len(entries) for values in zip(
             *((entry["success"]["value"], entry["error_m"]["mean"]) for entry in entries), strict=True))  # fmt: skip
-        means.append(_outcome(*both) if len(entries) == len(summaries) else "-")
+        alike = len(entries) == len(summaries) and len({entry["budget"] for entry in entries}) == 1
+        means.append(_outcome(*both) if alike else "-")
     columns = ("trials of", "scenes and seeds", *names, "recovery actions")
     note = "Success and mean final error of all trials of a method. Recovery actions: those of the reference, in all."
     return Table("Overview", columns, (*rows, ("mean", "", *means, "")), note)

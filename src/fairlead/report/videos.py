@@ -95,7 +95,7 @@ def make_videos(trials: TrialSet, folder: Path, cameras: Cameras) -> list[Clip]:
     scenes = {scene["name"]: scene for scene in trials.scenes}
     clips = []
     for number, (caption, methods, (scene, seed)) in enumerate(choose(trials)):
-        path = folder / f"{trials.folder.name}-{number}.mp4"
+        path = folder / f"{trials.name}-{number}.mp4"
         traces = {method: trials.folder / "traces" / method / f"{scene}-{seed}" for method in methods}
         show = trials.config["scenario"], scenes[scene]
         pair = panels(*show, traces, cameras) if len(methods) > 1 else foretold(*show, *traces.popitem(), cameras)
