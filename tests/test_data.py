@@ -293,7 +293,12 @@ def test_verify_names_a_truncated_shard(small: Path) -> None:
 
 @pytest.mark.parametrize(
     ("value", "problem"),
-    [(np.nan, "not finite"), (3.0, "outside the scenario's bounds"), (None, "stretched")],
+    [
+        (np.nan, "not finite"),
+        (3.0, "outside the scenario's bounds"),
+        (1.02, "outside the scenario's bounds"),
+        (None, "stretched"),
+    ],
 )
 def test_verify_names_the_step_of_an_impossible_state(small: Path, value: float | None, problem: str) -> None:
     shard = all_shards(small)[0]

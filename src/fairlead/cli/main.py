@@ -12,7 +12,7 @@ COMMANDS = {
     "doctor": "what this machine has; what is missing and how to get it",
     "collect": "record trajectories in a simulated world",
     "data": "look at a dataset: info, verify",
-    "scenes": "draw random scenes from a seed",
+    "scenes": "draw random scenes from a seed, or keep solved ones",
     "train": "train one model: dynamics, full-dynamics, trust or recovery",
     "pack": "make trained models ready to travel: smaller, with a card",
     "reproduce": "the whole line: collect, train, try every method, report",

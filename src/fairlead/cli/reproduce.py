@@ -36,15 +36,22 @@ class Command:
 
     def run(self) -> None:
         """Run what is missing, and name the page."""
+        from fairlead.core import plugins
+        from fairlead.core.errors import FairleadError, UnknownNameError
         from fairlead.reproduce.line import reproduce
         from fairlead.reproduce.presets import SensitivityConfig, preset
         from fairlead.reproduce.tasks import REAL_TASKS, reproduce_tasks
-        from fairlead.scenarios.registry import scenario
+        from fairlead.scenarios.registry import SCENARIOS, scenario
 
         stated = self.out, self.seed, self.threads, progress_bar
         if self.scenario == REAL_TASKS:
+            if self.sensitivity:
+                raise FairleadError(f"--sensitivity means nothing to {REAL_TASKS}")
             page = reproduce_tasks(self.preset, *stated)
         else:
+            worlds = plugins.names("scenario", SCENARIOS)
+            if self.scenario not in worlds:
+                raise UnknownNameError("scenario", self.scenario, [*worlds, REAL_TASKS])
             world = scenario(self.scenario)
             sizes = preset(world, self.preset)
             if self.sensitivity:

@@ -21,8 +21,8 @@ class Command:
     """The scene file."""
     count: int = 50
     """How many."""
-    seed: int = 0
-    """Of every random stream."""
+    seed: int | None = None
+    """Of every random stream; 0 by default."""
     hard: bool = False
     """Hard ones. dragging: narrow gaps, wrapped and wedged starts, goals in and behind corners. dual_arm: ropes caught
     under hooks, draped over obstacles, led astray."""
@@ -43,13 +43,16 @@ class Command:
 
         if (self.scenes is None) != (not self.solved_by):
             raise FairleadError("--scenes FILE and --solved-by TRIALS need each other")
+        if self.scenes is not None and (self.hard or self.seed is not None):
+            raise FairleadError("--hard and --seed mean nothing with --scenes: those scenes are drawn already")
         world = scenario(self.scenario)
         kind = "hard" if self.hard else "random"
         if self.scenes is not None:
             scenes, source = solved_scenes(world, self.scenes, self.solved_by, self.count)
         else:
-            source = f"fairlead scenes {self.scenario}, {kind}, seed {self.seed}"
+            seed = self.seed or 0
+            source = f"fairlead scenes {self.scenario}, {kind}, seed {seed}"
             with progress_bar(f"{self.scenario} scenes", self.count, "scenes") as advance:
-                scenes = generate(world, kind, self.count, self.seed, advance)
+                scenes = generate(world, kind, self.count, seed, advance)
         write_scenes(self.out, world.name, scenes, source)
         show({"scenes": len(scenes), "file": str(self.out)}, self.json)

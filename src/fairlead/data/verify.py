@@ -17,7 +17,8 @@ from fairlead.scenarios.scenario import Scenario
 STRETCH = 1.02
 """Neighbouring rope points are at most this many link lengths apart."""
 MARGIN = 0.01
-"""How far [m] outside the scenario's bounds a gripper may be; what it holds may hang out by half its length."""
+"""How far [m] outside the scenario's bounds a gripper may be; in space, what it holds may hang out by half its
+length."""
 
 
 def info(folder: Path) -> dict[str, Any]:
@@ -60,8 +61,9 @@ def _verify_shard(path: Path, shard: Shard, scenario: Scenario, scenes: int, bou
     low, high = scenario.environment(()).bounds
     segments = np.linalg.norm(np.diff(scenario.layout.points_of(states), axis=-2), axis=-1)
     limit = STRETCH * scenario.link_length
-    margin = np.full((points.shape[-2], 1), scenario.layout.points * scenario.link_length / 2)
-    margin[: len(scenario.layout.grippers)] = MARGIN
+    margin = np.full((points.shape[-2], 1), MARGIN)
+    if not scenario.sampler.planar and np.isfinite(scenario.link_length):
+        margin[len(scenario.layout.grippers) :] = scenario.layout.points * scenario.link_length / 2
     outside = ((points < low - margin) | (points > high + margin)).any((-1, -2))
     problems = {
         "a state is not finite": ~np.isfinite(states).all(axis=-1),

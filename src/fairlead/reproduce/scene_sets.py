@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from fairlead.core.artifacts import read_json
 from fairlead.core.errors import ArtifactError
 from fairlead.evaluation.shipped import authors_scenes, benchmark_scenes, hard_scenes
 from fairlead.scenarios.generate import generate
@@ -41,8 +42,11 @@ def scene_sets(
 
 
 def drawn(scenario: Scenario, path: Path, count: int, seed: int) -> Path:
-    """The file of so many random scenes, drawn where it is not there yet."""
+    """The file of so many random scenes, drawn where it is not there yet; ArtifactError where it holds others."""
+    source = f"fairlead scenes {scenario.name}, random, seed {seed}"
     if not path.exists():
-        scenes = generate(scenario, "random", count, seed)
-        write_scenes(path, scenario.name, scenes, f"fairlead scenes {scenario.name}, random, seed {seed}")
+        write_scenes(path, scenario.name, generate(scenario, "random", count, seed), source)
+    held = read_json(path)
+    if (held.get("source"), len(held.get("scenes", ()))) != (source, count):
+        raise ArtifactError(path, f"other scenes than the {count} of '{source}'; remove it, or use another folder")
     return path

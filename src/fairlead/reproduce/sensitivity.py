@@ -7,12 +7,13 @@ and, when all are there, `sensitivity.json`, one row a delta, with a manifest.
 from __future__ import annotations
 
 import os
+import time
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from fairlead.core.artifacts import MANIFEST, Manifest, read_json, sha256, write_json
+from fairlead.core.artifacts import MANIFEST, Manifest, read_json, read_manifest, sha256, write_json
 from fairlead.evaluation.bench import TrialsConfig
 from fairlead.learning.model_files import Job
 from fairlead.learning.registry import load_delta, load_dynamics
@@ -24,8 +25,8 @@ from fairlead.reproduce.scene_sets import drawn
 from fairlead.reproduce.trials import Bar, try_all
 from fairlead.scenarios.scenario import Scenario
 
-METHOD, SEED, ROWS = "trust-sdf", 2029, "sensitivity.json"
-"""What is tried; of its scenes, which no benchmark has; what a finished folder holds."""
+KIND, METHOD, SEED, ROWS = "sensitivity", "trust-sdf", 2029, "sensitivity.json"
+"""Of its manifest; what is tried; of its scenes, which no benchmark has; what a finished folder holds."""
 
 
 def sensitivity(
@@ -39,7 +40,11 @@ def sensitivity(
     workers: int,
     bar: Bar,
 ) -> None:
-    """Train `trust` at each delta on the phase 2 data and dynamics in those folders, and try it."""
+    """Train `trust` at each delta on the phase 2 data and dynamics in those folders, and try it.
+
+    A finished folder that gained nothing stays as it is.
+    """
+    began = time.monotonic()
     scenes = drawn(scenario, out / "scenes.json", config.scenes, SEED)
 
     @cache
@@ -50,9 +55,12 @@ def sensitivity(
     def train(delta: float, job: Job) -> None:
         fit_trust(labelled().at(delta), replace(trust, delta_m=delta), job)
 
+    before = read_manifest(out, KIND).inputs if (out / MANIFEST).exists() else {}
+    if before.keys() != {"scenes", *map(_name, config.deltas_m)}:
+        (out / MANIFEST).unlink(missing_ok=True)
     rows, inputs = [], {"scenes": sha256(scenes)}
     for delta in config.deltas_m:
-        folder, made_from = out / f"delta-{delta:g}", {"data": data, "dynamics": dynamics}
+        folder, made_from = out / _name(delta), {"data": data, "dynamics": dynamics}
         _link(folder / "dynamics", dynamics)
         settings = replace(trust, delta_m=delta)
         stages.train_once(scenario, folder / METHOD, settings, made_from, seed, partial(train, delta))
@@ -60,10 +68,17 @@ def sensitivity(
         summary = try_all(trials, folder / "trials", workers, bar)
         rows.append(_row(delta, summary["methods"][METHOD], read_json(folder / METHOD / "metrics.json")["test"]))
         inputs[folder.name] = sha256(folder / "trials" / MANIFEST)
+    if inputs == before:
+        return
     write_json(out / ROWS, rows)
     about = {"scenario": scenario.name, "method": METHOD, "budget": str(config.budget)}
     extra = {"own_delta_m": load_delta(dynamics, scenario.kin)}
-    Manifest("sensitivity", about, seed, {ROWS: sha256(out / ROWS)}, inputs, extra).write(out)
+    files = {ROWS: sha256(out / ROWS)}
+    Manifest(KIND, about, seed, files, inputs, extra, time.monotonic() - began).write(out)
+
+
+def _name(delta: float) -> str:
+    return f"delta-{delta:g}"
 
 
 def _row(delta: float, tried: dict[str, Any], judged: dict[str, Any]) -> dict[str, Any]:
@@ -77,7 +92,10 @@ def _row(delta: float, tried: dict[str, Any], judged: dict[str, Any]) -> dict[st
 
 
 def _link(link: Path, target: Path) -> None:
-    """A relative link, so that the whole may be moved."""
+    """A relative link, so that the whole may be moved; one to elsewhere is replaced."""
+    where = os.path.relpath(target, link.parent)
+    if link.is_symlink() and os.readlink(link) != where:
+        link.unlink()
     if not link.exists():
         link.parent.mkdir(parents=True, exist_ok=True)
-        link.symlink_to(os.path.relpath(target, link.parent))
+        link.symlink_to(where)
