@@ -14,7 +14,7 @@ from fairlead.core.contracts import check_world
 from fairlead.core.errors import FairleadError
 from fairlead.core.streams import stream
 from fairlead.scenarios.dual_arm import POSE
-from fairlead.scenarios.other_world import MOCKUP, Differences, misplaced, other_world
+from fairlead.scenarios.other_world import MOCKUP, Differences, misplaced, other_world, with_arms_of
 from fairlead.scenarios.panda import SHOULDER, TILT, TIP, dual_panda
 from fairlead.scenarios.registry import scenario
 from fairlead.scenarios.rope import RopeFactors
@@ -52,6 +52,16 @@ def test_every_difference_at_once_is_still_a_world_and_another_one(name: str) ->
     assert 0.5 < noise.std() / MOCKUP.sensing_m < 1.5
     check_world(other, action)
     assert not np.allclose(other.observe(), same.states, atol=1e-3)
+
+
+def test_planning_knows_the_arms_that_carry_it_out_and_nothing_else_of_what_differs() -> None:
+    world = scenario("dual_arm")
+    assert with_arms_of(world, None) is world
+    assert with_arms_of(world, Differences(mass=2.0)) is world
+    known = with_arms_of(world, MOCKUP)
+    assert known.arms is not None
+    np.testing.assert_array_equal(known.arms.home, dual_panda().home)
+    assert known.rope == world.rope  # type: ignore[attr-defined]
 
 
 @given(mass=factors, friction=factors, sensing_m=st.floats(0, 0.01), stiffness=st.floats(0, 0.1))

@@ -22,7 +22,7 @@ from fairlead.planning.choice import Surest, ToTheMiddle
 from fairlead.planning.ompl import OmplRRT
 from fairlead.planning.problem import PAPER, Planner, Problem, SearchSettings
 from fairlead.planning.rrt import BatchedRRT
-from fairlead.scenarios.other_world import Differences, other_world
+from fairlead.scenarios.other_world import Differences, other_world, with_arms_of
 from fairlead.scenarios.registry import scenario as find_scenario
 from fairlead.scenarios.scene_files import Scene
 
@@ -104,7 +104,7 @@ class Bench:
         self.config = config
         self.scenario = find_scenario(config.scenario)
         self.scenes = self.scenario.scenes(config.scenes)
-        self.models = Models(config.models, self.scenario)
+        self.models = Models(config.models, with_arms_of(self.scenario, config.differences))
         self._planner: Callable[[SearchSettings], Planner] = plugins.find("planner", config.planner, PLANNERS)
         self._parts = Parts(self.models)
         for method in config.methods:

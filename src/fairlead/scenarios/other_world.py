@@ -37,7 +37,7 @@ class Differences:
         sensing_m: noise of each coordinate of an observed rope point, standard deviation [m].
         delay_s: an action starts so long after it was sent [s].
         misplaced_m: obstacles stand up to so far from where planning sees them, horizontally [m].
-        arms: what carries the grippers where arms do, one of `ARMS`.
+        arms: what carries the grippers where arms do, one of `ARMS`; planning knows them, as a robot knows itself.
     """
 
     mass: float = 1.0
@@ -89,6 +89,12 @@ class Differences:
 MOCKUP = Differences(mass=1.5, friction=0.7, damping=2.0, length=1.02, stiffness=0.002, tracking_m=0.003,
                      sensing_m=0.003, delay_s=0.1, misplaced_m=0.005, arms="panda")  # fmt: skip
 """The world in which the mock-ups of the real tasks are carried out: every difference at once."""
+
+
+def with_arms_of(scenario: Scenario, differences: Differences | None) -> Scenario:
+    """The scenario that is planned in: a robot knows its own arms, and nothing else of what differs."""
+    arms = None if differences is None else ARMS[differences.arms]()
+    return scenario if arms is None else scenario.altered(RopeFactors(), arms)
 
 
 def other_world(
