@@ -37,6 +37,8 @@ class Command:
     """Execute in a world other than that of training: mockup, or differences such as friction=0.5,mass=2."""
     planner: str = "rrt"
     """rrt (batched), ompl, or one that is installed."""
+    remember: bool = False
+    """Keep away from actions that were cut short in the same trial."""
     seed: int = 0
     """The first seed of the trials."""
     seeds: int = 1
@@ -72,6 +74,7 @@ class Command:
             traced=self.traced,
             reference=self.reference,
             differences=None if self.other is None else Differences.parse(self.other),
+            remember=self.remember,
         )
         trials = Trials(config, self.out)
         with progress_bar(f"{self.scenario} {config.scenes.stem}", len(trials.missing), "trials") as advance:

@@ -19,6 +19,7 @@ from fairlead.evaluation.methods import Models, Parts, find_method
 from fairlead.execution.trace import NoTrace, Recorder, TraceFolder
 from fairlead.execution.trial import Protocol, Task, run_trial
 from fairlead.planning.choice import Surest, ToTheMiddle
+from fairlead.planning.memory import CutShort, UntriedActions
 from fairlead.planning.ompl import OmplRRT
 from fairlead.planning.problem import PAPER, Planner, Problem, SearchSettings
 from fairlead.planning.rrt import BatchedRRT
@@ -56,6 +57,7 @@ class TrialsConfig:
         reference: the method that is compared with each of the others. None: what was stated for these trials before,
             else the first in the table of methods.
         differences: of the world of execution from that of training.
+        remember: keep away from actions that were cut short in the same trial, in planning and recovery.
     """
 
     scenario: str
@@ -70,6 +72,7 @@ class TrialsConfig:
     traced: int = 5
     reference: str | None = None
     differences: Differences | None = None
+    remember: bool = False
 
     def __post_init__(self) -> None:
         for name in ("methods", "seeds"):
@@ -104,7 +107,9 @@ class Bench:
         self.config = config
         self.scenario = find_scenario(config.scenario)
         self.scenes = self.scenario.scenes(config.scenes)
-        self.models = Models(config.models, with_arms_of(self.scenario, config.differences))
+        self._tried = CutShort(self.scenario.layout)
+        sampler = UntriedActions(self.scenario.sampler, self._tried) if config.remember else None
+        self.models = Models(config.models, with_arms_of(self.scenario, config.differences), sampler)
         self._planner: Callable[[SearchSettings], Planner] = plugins.find("planner", config.planner, PLANNERS)
         self._parts = Parts(self.models)
         for method in config.methods:
@@ -115,7 +120,7 @@ class Bench:
         scenario, scene, method = self.scenario, self.scenes.scene(job.scene), find_method(job.method)
         dynamics, check, recovery = self._parts.build(method, scene)
         environment, goal = scenario.environment(scene.obstacles), scene.goal
-        problem = Problem(environment, goal, dynamics, check, scenario.sampler)
+        problem = Problem(environment, goal, dynamics, check, self.models.sampler)
 
         planner = self._planner(PAPER.scaled(method.budget_scale))
 
@@ -134,7 +139,8 @@ class Bench:
         if not np.isfinite(residual):
             raise FairleadError(f"scene '{scene.name}': the simulation diverges where the rope is laid at its points")
         seed = stream_seed(job.seed, "trial", scenario.name, scene.name)
-        task = Task(environment, goal, plan, recovery)
+        self._tried.forget()
+        task = Task(environment, goal, plan, recovery, self._tried.add)
         result = run_trial(world, task, budget, self.config.protocol, seed, _recorder(job, names))
         about = {"budget": str(budget), "protocol": self.config.protocol.label}
         return names | result.row() | about | {"start_residual_m": round(residual, 6)}

@@ -11,10 +11,11 @@ from typing import TypeVar, final
 from fairlead.core import plugins
 from fairlead.core.artifacts import MANIFEST, read_json, read_manifest, sha256
 from fairlead.core.errors import ArtifactError, UnknownNameError
-from fairlead.core.roles import Dynamics, RecoveryPolicy, TransitionCheck
+from fairlead.core.roles import ActionSampler, Dynamics, RecoveryPolicy, TransitionCheck
 from fairlead.learning.packing import PACKED_FROM
 from fairlead.learning.registry import load_check, load_dynamics, load_full_dynamics, load_recovery
 from fairlead.planning.checks import AcceptAll, CollisionCheck, SpreadThreshold
+from fairlead.planning.memory import DoubtfulRecovery, UntriedActions
 from fairlead.planning.recovery import NoRecovery, RandomRecovery
 from fairlead.scenarios.arms_check import recovery_within_reach, within_reach
 from fairlead.scenarios.oracle import SimulatorDynamics
@@ -62,11 +63,11 @@ class Models:
     """The trained models of a scenario, in the folders of one folder; each is read when a method asks for it.
 
     Folders: dynamics, full-dynamics, trust, trust-sdf, recovery, recovery-sdf. `hashes` maps the name of each that was
-    asked for to the SHA-256 of its manifest.
+    asked for to the SHA-256 of its manifest. `sampler` draws the actions of recovery; None for the scenario's.
     """
 
-    def __init__(self, folder: Path, scenario: Scenario) -> None:
-        self.folder, self.scenario = folder, scenario
+    def __init__(self, folder: Path, scenario: Scenario, sampler: ActionSampler | None = None) -> None:
+        self.folder, self.scenario, self.sampler = folder, scenario, sampler or scenario.sampler
         self.hashes: dict[str, str] = {}
 
     def folder_of(self, name: str) -> Path:
@@ -121,7 +122,7 @@ what knowing the arms is worth without trust. The others know no geometry at all
 
 RECOVERIES: dict[str, Callable[[Models], RecoveryPolicy]] = {
     "none": lambda models: NoRecovery(),
-    "random": lambda models: recovery_within_reach(RandomRecovery(models.scenario.sampler), models.scenario),
+    "random": lambda models: recovery_within_reach(RandomRecovery(models.sampler), models.scenario),
     "learned": lambda models: _recovery(models, "recovery"),
     "learned-sdf": lambda models: _recovery(models, "recovery-sdf"),
 }
@@ -132,8 +133,11 @@ def _trust(models: Models, name: str) -> TransitionCheck:
 
 
 def _recovery(models: Models, name: str) -> RecoveryPolicy:
-    scenario = models.scenario
-    return recovery_within_reach(load_recovery(models.folder_of(name), scenario.kin, scenario.sampler), scenario)
+    scenario, sampler = models.scenario, models.sampler
+    policy: RecoveryPolicy = load_recovery(models.folder_of(name), scenario.kin, sampler)
+    if isinstance(sampler, UntriedActions):
+        policy = DoubtfulRecovery(policy, sampler)
+    return recovery_within_reach(policy, scenario)
 
 
 def find_method(name: str) -> Method:

@@ -112,6 +112,7 @@ def identity(bench: Bench) -> dict[str, Any]:
         "protocol": config.protocol.label,
         "planner": config.planner,
         "differences": "" if config.differences is None else str(config.differences),
+        "remember": config.remember,
     }
 
 

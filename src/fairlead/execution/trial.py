@@ -41,12 +41,14 @@ class Task:
     """What decides in a trial, and where.
 
     plan: one planning attempt from a state, `lambda state, meter, rng: planner.plan(problem, state, meter, rng)`.
+    cut_short: told the state in which an action ended that was stopped before its targets, and that action.
     """
 
     environment: Environment
     goal: Goal
     plan: MakePlan
     recovery: RecoveryPolicy
+    cut_short: Callable[[np.ndarray, np.ndarray], None] = lambda state, action: None
 
 
 @dataclass(frozen=True)
@@ -205,6 +207,8 @@ class _Trial:
             self._stuck_here = 0
         self._state = executed.states[0]
         self._ends[end] += 1
+        if end != ActionOutcome.TARGET.label:
+            self._task.cut_short(self._state, action)
         self._meter.charge_execution(seconds)
         self._recorder.event({
             "event": "action", "plan": self._plans - 1, "recovery": recovery, "action": action.tolist(),

@@ -130,9 +130,9 @@ _DUAL_SMOKE = Preset(
 _DUAL_DESK = Preset(
     phase1=1024, phase2=512, full=1024,
     dynamics=DynamicsConfig(planar=False, stages=(Stage(40, 128, 2e-3), Stage(4, 128, 5e-4, 4))),
-    full_dynamics=FullDynamicsConfig(planar=False, grid=COARSE_GRID_3D, stages=(Stage(3, 64),)),
+    full_dynamics=FullDynamicsConfig(planar=False, grid=COARSE_GRID_3D, stages=(Stage(8, 64),)),
     trust=TrustConfig("voxel", planar=False, delta_m=0.025, hidden=128, grid=COARSE_GRID_3D, limit=8000,
-                      stages=(Stage(3, 64),)),
+                      stages=(Stage(6, 64),)),
     trust_sdf=TrustConfig("sdf", planar=False, delta_m=0.025, limit=100_000, stages=(Stage(6, 256),)),
     recovery=RecoveryConfig(limit=1500),
     methods=("trust+recovery", "trust+random-recovery", "trust", "trust-sdf+recovery", "accept-all", "accept-all+arms",
