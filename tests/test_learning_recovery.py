@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 import numpy as np
 import pytest
@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from jaxtyping import Float
 
 from fairlead.core.contracts import check_recovery
-from fairlead.core.records import Transitions
+from fairlead.core.layout import StateLayout
+from fairlead.core.records import ActionOutcome, Transitions
 from fairlead.core.roles import Environment, TransitionCheck
-from fairlead.geometry.fields import BoxEnvironment
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.voxels import VoxelGrid
 from fairlead.learning.fit import Stage
@@ -24,16 +24,15 @@ from fairlead.learning.model_files import Job
 from fairlead.learning.recovery import (
     LearnedRecovery,
     RecoveryConfig,
-    RecoveryHead,
     RecoveryTask,
-    head_inputs,
     train_recovery,
 )
+from fairlead.learning.recovery_networks import ChainRecovery, FrozenRecovery, carried_along
 from fairlead.learning.registry import load_recovery
 from fairlead.learning.stuck import RecoveryExamples, recovery_examples
 from fairlead.learning.trust import LearnedCheck, build_network
 from fairlead.learning.trust_network import TrustConfig
-from rope_data import BOUNDS, LAYOUT, splits, trajectories
+from rope_data import LAYOUT, splits, trajectories
 from test_labels import FollowDynamics
 
 SAMPLER = RandomDisplacement(LAYOUT, 0.15, (-0.9, -0.9, 0.02), (0.9, 0.9, 0.02), planar=True)
@@ -45,6 +44,8 @@ VOXEL = TrustConfig("voxel", hidden=8, grid=VoxelGrid((24, 24, 1), 0.04))
 @final
 class SideCheck(TransitionCheck):
     """Accepts what starts on the right of a line, and does not care about the action."""
+
+    network: Any
 
     def __init__(self, line: float) -> None:
         self.line = line
@@ -115,30 +116,56 @@ def test_a_few_transitions_of_many_scenes_may_be_examined() -> None:
     assert len(found) <= 8
 
 
-@pytest.mark.parametrize("config", [TrustConfig("sdf", hidden=8), VOXEL])
-def test_inputs_of_the_head_belong_to_their_own_row(config: TrustConfig) -> None:
+@pytest.mark.parametrize(("kind", "config"), [(ChainRecovery, TrustConfig("sdf", hidden=8)), (FrozenRecovery, VOXEL)])
+def test_every_row_is_judged_in_its_own_environment(kind: Any, config: TrustConfig) -> None:
     data = trajectories(12, 5, 3, np.random.default_rng(3))
     found = recovery_examples(DYNAMICS, SideCheck(0.0), SAMPLER, data, 4, 10**6, 0.0, np.random.default_rng(1))
-    trust = build_network(LAYOUT, config, 0)
-    together = head_inputs(trust, data, found).numpy()
+    network = kind(build_network(LAYOUT, config, 0), 8).eval()
+    inputs = network.prepare(data.environments, found)
     with torch.inference_mode():
+        together = network(*inputs(np.arange(len(found)))).numpy()
+        assert together.std() > 1e-3
         for row in range(0, len(found), 5):
             n, t = found.source[row]
-            state, action = data.states[n, t], data.actions[n, t]
-            features = trust.frozen(data.environments[data.scene[n]], state[None])[0]
-            local = [state - np.tile(state[:3], len(state) // 3), action - state[:3]]
-            np.testing.assert_allclose(together[row], np.concatenate([features, state, *local]), atol=1e-4)
+            actions = np.stack([data.actions[n, t], data.actions[n, t - 1]])[None]
+            judged = network.judge(data.environments[data.scene[n]], data.states[n, t][None], actions).numpy()
+            assert judged[0] == pytest.approx(together[row], abs=1e-4)
+            assert judged[1] != pytest.approx(together[row], abs=1e-5)
+
+
+def test_carried_along_each_end_goes_with_its_gripper() -> None:
+    two = StateLayout(("left", "right"), 5)
+    states, moves = np.random.default_rng(0).normal(size=(3, two.state_size)), np.array([[0.1, 0, 0], [0, 0.2, 0]])
+    t = carried_along(two, states, states[:, :6] + moves.reshape(-1))
+    points = two.points_of(t.next_states) - two.points_of(states)
+    np.testing.assert_allclose(two.grippers_of(t.next_states) - two.grippers_of(states), np.tile(moves, (3, 1, 1)))
+    np.testing.assert_allclose(points[:, [0, 2, 4]], np.tile([moves[0], moves.mean(0), moves[1]], (3, 1, 1)))
+    one = carried_along(LAYOUT, states[:, : LAYOUT.state_size], states[:, :3] + moves[0])
+    assert np.allclose(one.next_states - one.states, np.tile(moves[0], LAYOUT.state_size // 3))
+
+
+def test_what_is_left_out_teaches_nothing() -> None:
+    data = trajectories(20, 8, 4, np.random.default_rng(0))
+    stopped = tuple(ActionOutcome).index(ActionOutcome.JOINT_LIMIT)
+    data.outcomes[::2] = stopped
+    some = recovery_examples(DYNAMICS, SideCheck(0.1), SAMPLER, data, 8, 10**6, 0.0, np.random.default_rng(1),
+                             {ActionOutcome.JOINT_LIMIT})  # fmt: skip
+    every = recovery_examples(DYNAMICS, SideCheck(0.1), SAMPLER, data, 8, 10**6, 0.0, np.random.default_rng(1))
+    kept = every.source[:, 0] % 2 == 1
+    np.testing.assert_array_equal(some.source, every.source[kept])
+    np.testing.assert_array_equal(some.share, every.share[kept])
 
 
 def test_labels_zero_and_one_both_teach() -> None:
-    inputs = torch.zeros(2, 3)
-    head = RecoveryHead(3, 4).eval()
-    task = RecoveryTask(head, (inputs, np.array([0.0, 1.0])), (inputs, np.array([0.0, 1.0])))
+    network = FrozenRecovery(build_network(LAYOUT, VOXEL, 0), 4).eval()  # type: ignore[arg-type]
+    head, same = network.head, torch.zeros(2, network.inputs)
+    both = (lambda rows: (same[rows],)), np.array([0.0, 1.0])
+    task = RecoveryTask(network, both, both)
     gradients = []
     for row in (0, 1):
-        head.zero_grad()
+        network.zero_grad()
         task.loss(Stage(1, 1), np.array([row]), np.random.default_rng(0)).backward()
-        bias = head.layers[-1].bias
+        bias = head[-1].bias
         assert isinstance(bias, torch.Tensor)
         assert bias.grad is not None
         gradients.append(float(bias.grad))
@@ -146,35 +173,60 @@ def test_labels_zero_and_one_both_teach() -> None:
     assert gradients[1] < -0.1
 
 
+@final
+class AwayCheck(TransitionCheck):
+    """Accepts what starts with the gripper far enough from every obstacle."""
+
+    network: Any
+
+    def __init__(self, least: float) -> None:
+        self.least = least
+
+    def encode(
+        self,
+        environment: Environment,
+        states: Float[np.ndarray, "batch state"],
+    ) -> Float[np.ndarray, "batch feature"]:
+        return environment.signed_distance(states[:, None, :3])
+
+    def probability(
+        self,
+        environment: Environment,
+        transitions: Transitions,
+        encodings: Float[np.ndarray, "batch feature"],
+        next_encodings: Float[np.ndarray, "batch feature"],
+    ) -> Float[np.ndarray, " batch"]:
+        return (encodings[:, 0] > self.least).astype(float)
+
+
 @pytest.mark.parametrize("network", ["sdf", "voxel"])
 def test_training_learns_which_way_out_saves_and_loads(network: str, tmp_path: Path) -> None:
-    """Sidelong: the accepted side is to the right, so recovering is to go right."""
+    """To the right for the paper's network, which knows where it is; away from obstacles for ours, which does not."""
     data = splits(240, 8, 4)
-    config = VOXEL if network == "voxel" else TrustConfig("sdf", hidden=8)
-    trust = LearnedCheck(build_network(LAYOUT, config, 0))
+    check: Any = SideCheck(0.3) if network == "voxel" else AwayCheck(0.08)
+    check.network = build_network(LAYOUT, VOXEL if network == "voxel" else TrustConfig("sdf", hidden=16), 0)
     settings = RecoveryConfig(samples=16, stages=(Stage(25, 64, 3e-3),), patience=25)
+    stuck = recovery_examples(DYNAMICS, check, SAMPLER, data.train, 4, 10**6, 0.0, np.random.default_rng(0))
+    assert 0.02 < stuck.share.mean() < 0.6
 
-    # The role is a learned check's features with another verdict: what is stuck is known exactly.
-    stuck = recovery_examples(DYNAMICS, SideCheck(0.3), SAMPLER, data.train, 4, 10**6, 0.0, np.random.default_rng(0))
-    assert 0.02 < stuck.share.mean() < 0.5
-
-    @final
-    class Both(TransitionCheck):
-        network = trust.network
-        encode = SideCheck(0.3).encode
-        probability = SideCheck(0.3).probability
-
-    policy = train_recovery(DYNAMICS, Both(), Both(), SAMPLER, data, settings, Job(tmp_path, "toy"))  # type: ignore[arg-type]
+    policy = train_recovery(DYNAMICS, check, check, SAMPLER, data, settings, Job(tmp_path, "toy"))
     metrics = json.loads((tmp_path / "metrics.json").read_text())
     assert metrics["trained"]
-    environment = BoxEnvironment([], BOUNDS)
-    states = data.train.states[:, :-1].reshape(-1, LAYOUT.state_size)
-    states = states[(states[:, 0] > 0.2) & (states[:, 0] < 0.3)][:30]
-    chosen = policy.choose(environment, states, np.random.default_rng(0))
-    assert (chosen - states[:, :3])[:, 0].mean() > 0.06
-    check_recovery(policy, environment, states, LAYOUT)
-    loaded = load_recovery(tmp_path, "toy", SAMPLER)
-    assert (loaded.choose(environment, states, np.random.default_rng(0)) == chosen).all()
+    gains, drawn = [], []
+    for scene, environment in enumerate(data.test.environments[:4]):
+        states = data.test.states[data.test.scene == scene, :-1].reshape(-1, LAYOUT.state_size)
+        worth = check.encode(environment, states)[:, 0]
+        states = states[worth < (check.line if network == "voxel" else check.least)]
+        if not len(states):
+            continue
+        chosen = policy.choose(environment, states, np.random.default_rng(0))
+        for actions, found in ((chosen, gains), (SAMPLER.propose(states, np.random.default_rng(0)), drawn)):
+            moved = np.concatenate([actions, states[:, 3:]], axis=1)
+            found += (check.encode(environment, moved) - check.encode(environment, states))[:, 0].tolist()
+        check_recovery(policy, environment, states, LAYOUT)
+        loaded = load_recovery(tmp_path, "toy", SAMPLER)
+        assert (loaded.choose(environment, states, np.random.default_rng(0)) == chosen).all()
+    assert np.mean(gains) > np.mean(drawn) + 0.03
 
 
 def test_what_planning_asks_says_which_states_are_stuck(tmp_path: Path) -> None:

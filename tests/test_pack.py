@@ -23,7 +23,8 @@ from fairlead.learning.dynamics import Ensemble
 from fairlead.learning.full_dynamics import FullNetwork
 from fairlead.learning.model_files import Job, save_model
 from fairlead.learning.packing import LOST
-from fairlead.learning.recovery import RecoveryConfig, RecoveryHead
+from fairlead.learning.recovery import RecoveryConfig
+from fairlead.learning.recovery_networks import ChainRecovery, FrozenRecovery
 from fairlead.learning.registry import load_dynamics
 from fairlead.learning.trust import build_network
 from fairlead.learning.trust_network import TrustConfig
@@ -63,10 +64,7 @@ def models(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     write(folder / "full-dynamics", "full-dynamics", SMOKE.full_dynamics, FullNetwork(layout, SMOKE.full_dynamics))
     for suffix, config in (("", SMOKE.trust), ("-sdf", SMOKE.trust_sdf)):
         trust = build_network(layout, config, 1)
-        with torch.inference_mode():
-            seen = trust.frozen(DRAGGING.environment(()), SCENES[0].state(layout)[None]).shape[1]
-        head = RecoveryHead(seen + 2 * layout.state_size + layout.action_size, SMOKE.recovery.hidden)
-        both = nn.ModuleDict({"trust": trust, "head": head})
+        both: nn.Module = (ChainRecovery if suffix else FrozenRecovery)(trust, SMOKE.recovery.hidden)  # type: ignore[arg-type]
         write(folder / f"trust{suffix}", "trust", config, trust, spread_threshold_m=0.01)
         write(folder / f"recovery{suffix}", "recovery", RecoveryAndTrust(SMOKE.recovery, config), both, trained=True)
     return folder

@@ -80,7 +80,9 @@ class Command:
             config = replace(base, **grid, network=self.network or base.network, **delta)
             stages.trust(world, self.data, self.dynamics, config, self.out, self.seed)
         elif self.dynamics and self.trust:
-            stages.recovery(world, self.data, self.dynamics, self.trust, sizes.recovery, self.out, self.seed)
+            sdf = read_json(self.trust / "config.json").get("network") == "sdf"
+            config = sizes.recovery_sdf if sdf else sizes.recovery
+            stages.recovery(world, self.data, self.dynamics, self.trust, config, self.out, self.seed)
         show(read_json(self.out / "metrics.json"), self.json)
 
     def _check(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from fairlead.core.records import Trajectories, Transitions
+from fairlead.core.records import ActionOutcome, Trajectories, Transitions
 from fairlead.core.roles import ActionSampler, Dynamics, Environment, TransitionCheck
 
 _SCREEN = 4
@@ -85,6 +85,7 @@ def recovery_examples(
     limit: int,
     discount: float,
     rng: np.random.Generator,
+    leave_out: Collection[ActionOutcome] = (),
 ) -> RecoveryExamples:
     """Find the stuck states of recorded trajectories: those where none of `samples` random actions is accepted.
 
@@ -92,7 +93,8 @@ def recovery_examples(
     0, the paper's), or what a later state of the trajectory is worth, times `discount` for each further action, if that
     is more: out of a deep tangle no single action leads, but some are on the way.
 
-    Whole trajectories are examined, a uniform sample of no more than `limit` transitions (one trajectory at least).
+    Actions whose outcome is in `leave_out` are no examples. Whole trajectories are examined, a uniform sample of no
+    more than `limit` transitions (one trajectory at least).
     """
     steps = data.actions.shape[1]
     chosen = np.sort(rng.permutation(len(data))[: max(1, limit // steps)])
@@ -110,7 +112,8 @@ def recovery_examples(
     value = share.copy()
     for t in range(steps - 1, 0, -1):
         value[:, t] = np.fmax(value[:, t], discount * value[:, t + 1])
-    row, t = np.nonzero(share[:, :-1] == 0)
+    left_out = np.isin(data.outcomes[chosen], [i for i, outcome in enumerate(ActionOutcome) if outcome in leave_out])
+    row, t = np.nonzero((share[:, :-1] == 0) & ~left_out)
     source = np.stack([chosen[row], t], axis=1)
     return RecoveryExamples(
         states[row, t], data.actions[chosen[row], t], value[row, t + 1], scenes[row], source, len(chosen) * steps

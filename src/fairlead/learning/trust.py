@@ -101,7 +101,7 @@ def balanced_order(
     return np.array_split(np.stack(columns, axis=1).reshape(-1), max(1, 2 * longest // batch))
 
 
-def probabilities(network: TrustNetwork, inputs: Inputs, count: int) -> Float[np.ndarray, " example"]:
+def probabilities(network: nn.Module, inputs: Inputs, count: int) -> Float[np.ndarray, " example"]:
     """What the network says of each of `count` examples."""
     with torch.inference_mode():
         rows = np.array_split(np.arange(count), max(1, count // _ROWS))

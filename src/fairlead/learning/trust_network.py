@@ -108,9 +108,3 @@ class TrustNetwork(nn.Module, ABC):
         next_encodings: Float32[np.ndarray, "batch feature"],
     ) -> Float[Tensor, " batch"]:
         """The logit of each transition, from encodings."""
-
-    @abstractmethod
-    def frozen(
-        self, environment: Environment, states: Float[np.ndarray, "batch state"]
-    ) -> Float32[np.ndarray, "batch frozen"]:
-        """The features of a state that recovery takes over as they are."""

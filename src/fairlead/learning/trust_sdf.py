@@ -103,13 +103,6 @@ class SdfTrust(TrustNetwork):
         found = environment.distance_and_gradient(states.reshape(len(states), -1, 3))
         return found.reshape(len(states), -1).astype(np.float32, copy=False)
 
-    def frozen(
-        self, environment: Environment, states: Float[np.ndarray, "batch state"]
-    ) -> Float32[np.ndarray, "batch frozen"]:
-        encoding = self.encode(environment, states).copy()
-        encoding[:, ::4] = np.clip(encoding[:, ::4], -FAR_M, FAR_M) / UNIT_M
-        return encoding
-
     def judge(
         self,
         transitions: Transitions,

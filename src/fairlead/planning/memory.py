@@ -43,7 +43,7 @@ class CutShort:
         """Which actions lead where one was cut short, from about the same place."""
         grippers = self._layout.grippers_of(states)
         alike = _unit(actions - grippers.reshape(actions.shape)) @ self._way.T
-        return (self._near_to(states) & (alike > self._cosine)).any(axis=1)
+        return np.any(self._near_to(states) & (alike > self._cosine), axis=1)
 
     def count(self, states: Float[np.ndarray, "batch state"]) -> Int[np.ndarray, " batch"]:
         """How many actions were cut short about where each state is."""

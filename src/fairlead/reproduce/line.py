@@ -77,9 +77,10 @@ def _models(scenario: Scenario, preset: Preset, data: dict[str, Path], models: P
     """Train every model, each on the one before it."""
     dynamics, phase2 = models / "dynamics", data["phase2"]
     stages.dynamics(scenario, data["phase1"], preset.dynamics, dynamics, seed)
-    for suffix, config in (("", preset.trust), ("-sdf", preset.trust_sdf)):
+    of = (("", preset.trust, preset.recovery), ("-sdf", preset.trust_sdf, preset.recovery_sdf))
+    for suffix, config, recovery in of:
         trust = models / f"trust{suffix}"
         stages.trust(scenario, phase2, dynamics, config, trust, seed)
-        stages.recovery(scenario, phase2, dynamics, trust, preset.recovery, models / f"recovery{suffix}", seed)
+        stages.recovery(scenario, phase2, dynamics, trust, recovery, models / f"recovery{suffix}", seed)
     stages.full_dynamics(scenario, data["full"], preset.full_dynamics, models / "full-dynamics", seed)
     stages.evidence(scenario, phase2, dynamics, models / "trust", models.parent / "evidence", seed)

@@ -42,7 +42,7 @@ class Preset:
         phase1, phase2: trajectories recorded for the dynamics, and for trust and recovery.
         full: trajectories of phase 2 recorded for the full dynamics, as many transitions as both phases together.
         steps2: actions in a trajectory of phase 2; 0 for the paper's.
-        dynamics, full_dynamics, trust, trust_sdf, recovery: of the models.
+        dynamics, full_dynamics, trust, trust_sdf, recovery, recovery_sdf: of the models.
         methods: what is tried, the first compared with the others.
         budget: of each trial.
         obstacles_every: in phase 2 obstacles move after so many trajectories of a lane; the paper's is 8.
@@ -64,6 +64,7 @@ class Preset:
     trust: TrustConfig
     trust_sdf: TrustConfig
     recovery: RecoveryConfig
+    recovery_sdf: RecoveryConfig
     methods: tuple[str, ...]
     budget: Budget = field(default_factory=lambda: Budget(seconds=60))
     steps2: int = 0
@@ -89,6 +90,7 @@ _SMOKE = Preset(
     trust=TrustConfig("voxel", hidden=16, limit=200, stages=(Stage(1, 32),)),
     trust_sdf=TrustConfig("sdf", hidden=8, limit=1000, stages=(Stage(2, 128),)),
     recovery=RecoveryConfig(samples=8, hidden=16, limit=40, stages=(Stage(1, 32),)),
+    recovery_sdf=RecoveryConfig(samples=8, limit=40, discount=0.8, stages=(Stage(2, 32),)),
     methods=LEARNED, budget=Budget(extensions=300), sets={"benchmark": 1}, traced=1, videos=False,
 )  # fmt: skip
 
@@ -101,6 +103,7 @@ _DESK = Preset(
     trust=TrustConfig("voxel", hidden=128, limit=12_000, stages=(Stage(4, 64),)),
     trust_sdf=TrustConfig("sdf", limit=100_000, stages=(Stage(4, 256),)),
     recovery=RecoveryConfig(limit=8000),
+    recovery_sdf=RecoveryConfig(limit=8000, discount=0.8, stages=(Stage(16, 128),)),
     methods=LEARNED, obstacles_every=2, sets=_SOME,
 )  # fmt: skip
 
@@ -111,6 +114,7 @@ _PAPER = Preset(
     trust=TrustConfig("voxel", hidden=128, limit=50_000, stages=(Stage(4, 64),)),
     trust_sdf=TrustConfig("sdf", limit=400_000, stages=(Stage(6, 512),)),
     recovery=RecoveryConfig(limit=20_000),
+    recovery_sdf=RecoveryConfig(limit=40_000, discount=0.8, stages=(Stage(16, 128),)),
     methods=LEARNED, budget=Budget(seconds=180), sets=_ALL, seeds=(0, 1, 2), both_protocols=True,
     counted=Budget(extensions=20_000), sensitivity=SensitivityConfig(),
 )  # fmt: skip
@@ -123,6 +127,7 @@ _DUAL_SMOKE = Preset(
                       stages=(Stage(1, 32),)),
     trust_sdf=TrustConfig("sdf", planar=False, delta_m=0.1, hidden=8, limit=500, stages=(Stage(2, 64),)),
     recovery=RecoveryConfig(samples=4, hidden=16, limit=16, stages=(Stage(1, 32),)),
+    recovery_sdf=RecoveryConfig(samples=4, limit=16, discount=0.8, stages=(Stage(2, 32),)),
     methods=LEARNED, budget=Budget(extensions=200), sets={"benchmark": 1}, traced=1, videos=False,
 )  # fmt: skip
 
@@ -135,6 +140,7 @@ _DUAL_DESK = Preset(
                       stages=(Stage(6, 64),)),
     trust_sdf=TrustConfig("sdf", planar=False, delta_m=0.025, limit=100_000, stages=(Stage(6, 256),)),
     recovery=RecoveryConfig(limit=1500),
+    recovery_sdf=RecoveryConfig(limit=10_000, discount=0.8, stages=(Stage(16, 128),)),
     methods=("trust+recovery", "trust+random-recovery", "trust", "trust-sdf+recovery", "accept-all", "accept-all+arms",
              "full-dynamics", "collision-check", "spread-threshold"),
     obstacles_every=2, sets=_SOME,
@@ -148,6 +154,7 @@ _DUAL_PAPER = Preset(
                       stages=(Stage(8, 64),)),
     trust_sdf=TrustConfig("sdf", planar=False, delta_m=0.025, limit=400_000, stages=(Stage(6, 512),)),
     recovery=RecoveryConfig(limit=20_000),
+    recovery_sdf=RecoveryConfig(limit=40_000, discount=0.8, stages=(Stage(16, 128),)),
     methods=_DUAL_DESK.methods, budget=Budget(seconds=180), obstacles_every=2, sets=_ALL, seeds=(0, 1, 2),
     both_protocols=True, counted=Budget(extensions=20_000), sensitivity=SensitivityConfig(),
 )  # fmt: skip

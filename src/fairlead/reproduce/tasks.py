@@ -69,7 +69,7 @@ def sizes_of(task: Scenario, size: str) -> Preset:
     """The preset of a task's base; on a desk three tasks of two arms share the time of one scenario."""
     found = preset(task, size)
     if size == "desk" and task.base == "dual_arm":
-        return replace(found, phase2=256, recovery=replace(found.recovery, limit=500))
+        return replace(found, phase2=256)
     return found
 
 
@@ -85,5 +85,5 @@ def _models(task: Scenario, sizes: Preset, out: Path, seed: int, threads: int, b
     recorded(home, config, data, threads, bar)
     if "trust-sdf" not in reused:
         stages.trust(home, data, dynamics, sizes.trust_sdf, trust, seed)
-    stages.recovery(home, data, dynamics, trust, sizes.recovery, folder / "recovery-sdf", seed)
+    stages.recovery(home, data, dynamics, trust, sizes.recovery_sdf, folder / "recovery-sdf", seed)
     return folder
