@@ -1,0 +1,77 @@
+"""Laws of remembering what was cut short."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fairlead.core import contracts
+from fairlead.core.layout import StateLayout
+from fairlead.geometry.motion import RandomDisplacement
+from fairlead.planning.memory import CutShort, DoubtfulRecovery, UntriedActions
+from fairlead.planning.recovery import NoRecovery, RandomRecovery
+from toy import arena
+
+LAYOUT = StateLayout(("left", "right"), 4)
+SAMPLER = RandomDisplacement(LAYOUT, 0.15, (-1.0, -1.0, 0.0), (1.0, 1.0, 1.0), planar=False)
+STATES = np.tile(np.full(LAYOUT.state_size, 0.5), (64, 1))
+UP = np.tile([0.0, 0.0, 0.1], 2)
+
+
+def remembering(*ways: np.ndarray) -> CutShort:
+    tried = CutShort(LAYOUT)
+    for way in ways:
+        tried.add(STATES[0], STATES[0, :6] + way)
+    return tried
+
+
+@given(scale=st.floats(0.1, 3), off=st.floats(0, 0.049), turn=st.floats(0, 59))
+def test_the_same_way_from_about_the_same_place_is_covered_whatever_its_length(
+    scale: float, off: float, turn: float
+) -> None:
+    state = STATES[:1].copy()
+    state[:, 0] += off
+    way = scale * 0.1 * np.tile([np.sin(np.radians(turn)), 0.0, np.cos(np.radians(turn))], 2)
+    assert remembering(UP).covers(state, state[:, :6] + way).all()
+
+
+def test_another_way_another_place_and_another_trial_are_not() -> None:
+    tried, here = remembering(UP), STATES[:1]
+    sideways = np.tile([0.1, 0.0, 0.0], 2)
+    elsewhere = here.copy()
+    elsewhere[:, 3] += 0.06
+    assert not tried.covers(here, here[:, :6] + sideways).any()
+    assert not tried.covers(here, here[:, :6] - UP).any()
+    assert not tried.covers(elsewhere, elsewhere[:, :6] + UP).any()
+    assert (tried.count(here), tried.count(elsewhere)) == (1, 0)
+    tried.forget()
+    assert not tried.covers(here, here[:, :6] + UP).any()
+    assert tried.count(here) == 0
+
+
+def test_what_was_tried_is_not_proposed_and_without_memories_nothing_changes() -> None:
+    tried = remembering(UP, -UP)
+    actions = UntriedActions(SAMPLER, tried).propose(STATES, np.random.default_rng(0))
+    assert not tried.covers(STATES, actions).any()
+    fresh = UntriedActions(SAMPLER, remembering())
+    plain = SAMPLER.propose(STATES, np.random.default_rng(0))
+    assert tried.covers(STATES, plain).any()
+    np.testing.assert_array_equal(fresh.propose(STATES, np.random.default_rng(0)), plain)
+    contracts.check_sampler(UntriedActions(SAMPLER, tried), STATES, LAYOUT)
+
+
+def test_a_policy_is_doubted_by_half_with_each_failure() -> None:
+    class Always(RandomRecovery):
+        def choose(self, environment, states, rng):
+            return states[:, :6] + UP
+
+    many = np.tile(STATES, (20, 1))
+    for failures in range(4):
+        tried = remembering(*[-UP] * failures)
+        policy = DoubtfulRecovery(Always(SAMPLER), UntriedActions(SAMPLER, tried))
+        kept = np.isclose(policy.choose(arena(), many, np.random.default_rng(1)), many[:, :6] + UP).all(axis=1)
+        assert abs(kept.mean() - 0.5**failures) < 0.05
+    nobody = DoubtfulRecovery(NoRecovery(), UntriedActions(SAMPLER, remembering(UP)))
+    assert nobody.choose(arena(), many, np.random.default_rng(1)) is None
+    contracts.check_recovery(nobody, arena(), STATES, LAYOUT)
