@@ -91,7 +91,8 @@ def recovery_examples(
 
     The label of a transition from a stuck state is the accepted part of `samples` actions at the next state (discount
     0, the paper's), or what a later state of the trajectory is worth, times `discount` for each further action, if that
-    is more: out of a deep tangle no single action leads, but some are on the way.
+    is more: out of a deep tangle no single action leads, but some are on the way. An action that was cut short has no
+    part in what came later.
 
     Actions whose outcome is in `leave_out` are no examples. Whole trajectories are examined, a uniform sample of no
     more than `limit` transitions (one trajectory at least).
@@ -109,14 +110,16 @@ def recovery_examples(
         found = np.where(stuck, 0.0, np.nan)
         found[after] = ask(inside[after], samples).mean(axis=1)
         share[rows] = found
-    value = share.copy()
+    value, outcomes = share.copy(), data.outcomes[chosen]
     for t in range(steps - 1, 0, -1):
         value[:, t] = np.fmax(value[:, t], discount * value[:, t + 1])
-    left_out = np.isin(data.outcomes[chosen], [i for i, outcome in enumerate(ActionOutcome) if outcome in leave_out])
+    reached = outcomes == tuple(ActionOutcome).index(ActionOutcome.TARGET)
+    label = np.where(reached, value[:, 1:], share[:, 1:])
+    left_out = np.isin(outcomes, [i for i, outcome in enumerate(ActionOutcome) if outcome in leave_out])
     row, t = np.nonzero((share[:, :-1] == 0) & ~left_out)
     source = np.stack([chosen[row], t], axis=1)
     return RecoveryExamples(
-        states[row, t], data.actions[chosen[row], t], value[row, t + 1], scenes[row], source, len(chosen) * steps
+        states[row, t], data.actions[chosen[row], t], label[row, t], scenes[row], source, len(chosen) * steps
     )
 
 
