@@ -16,7 +16,9 @@ from fairlead.learning.packing import PACKED_FROM
 from fairlead.learning.registry import load_check, load_dynamics, load_full_dynamics, load_recovery
 from fairlead.planning.checks import AcceptAll, CollisionCheck, SpreadThreshold
 from fairlead.planning.memory import DoubtfulRecovery, UntriedActions
-from fairlead.planning.recovery import NoRecovery, RandomRecovery
+from fairlead.planning.problem import Problem
+from fairlead.planning.recovery import NoRecovery, PlannedRecovery, RandomRecovery
+from fairlead.planning.rrt import BatchedRRT
 from fairlead.scenarios.arms_check import recovery_within_reach, within_reach
 from fairlead.scenarios.oracle import SimulatorDynamics
 from fairlead.scenarios.scenario import Scenario
@@ -27,7 +29,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Method:
-    """One row. The names are keys of `DYNAMICS` (or "simulator"), `CHECKS` and `RECOVERIES`.
+    """One row. The names are keys of `DYNAMICS` (or "simulator"), `CHECKS` and `RECOVERIES` (or "planned").
 
     budget_scale multiplies the budget; only the oracle, a bound and not a rival, has more than the others.
     """
@@ -47,6 +49,9 @@ METHODS: dict[str, Method] = {
     "trust-sdf+recovery": Method("learned", "trust-sdf", "learned-sdf", "The small classifier, with recovery."),
     "trust-sdf+random-recovery": Method(
         "learned", "trust-sdf", "random", "The small classifier; stuck, a random action."
+    ),
+    "trust-sdf+planned-recovery": Method(
+        "learned", "trust-sdf", "planned", "The small classifier; stuck, one action of a plan that avoids collisions."
     ),
     "accept-all": Method("learned", "accept-all", "none", "The same dynamics, trusted everywhere."),
     "accept-all+arms": Method("learned", "arms", "none", "Trusted everywhere that the arms can reach."),
@@ -181,11 +186,17 @@ class Parts:
             dynamics: Dynamics = SimulatorDynamics(models.scenario, scene.obstacles)
         else:
             dynamics = _once(self._dynamics, method.dynamics, lambda: DYNAMICS[method.dynamics](models))
-        return (
-            dynamics,
-            _once(self._checks, method.check, lambda: plugins.find("check", method.check, CHECKS)(models)),
-            _once(self._recoveries, method.recovery, lambda: RECOVERIES[method.recovery](models)),
-        )
+        if method.recovery == "planned":
+            weaker = self._check("collision")
+            environment = models.scenario.environment(scene.obstacles)
+            problem = Problem(environment, scene.goal, dynamics, weaker, models.sampler)
+            recovery: RecoveryPolicy = PlannedRecovery(BatchedRRT(), problem)
+        else:
+            recovery = _once(self._recoveries, method.recovery, lambda: RECOVERIES[method.recovery](models))
+        return dynamics, self._check(method.check), recovery
+
+    def _check(self, name: str) -> TransitionCheck:
+        return _once(self._checks, name, lambda: plugins.find("check", name, CHECKS)(self._models))
 
 
 def _once(kept: dict[str, T], name: str, make: Callable[[], T]) -> T:

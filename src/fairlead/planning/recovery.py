@@ -1,13 +1,16 @@
-"""Recovery policies that are not learned."""
+"""Recovery policies that are not learned: none, at random, and by a plan that a weaker check accepts."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import final
 
 import numpy as np
 from jaxtyping import Float
 
+from fairlead.core.budget import Budget, Meter
 from fairlead.core.roles import ActionSampler, Environment, RecoveryPolicy
+from fairlead.planning.problem import Planner, Problem
 
 
 @final
@@ -31,3 +34,30 @@ class RandomRecovery(RecoveryPolicy):
         self, environment: Environment, states: Float[np.ndarray, "batch state"], rng: np.random.Generator
     ) -> Float[np.ndarray, "batch action"] | None:
         return self.sampler.propose(states, rng)
+
+
+@final
+class PlannedRecovery(RecoveryPolicy):
+    """The first action of a plan that a weaker check accepts; a random one where that accepts nothing either.
+
+    Not in the paper. Where nothing can be trusted, the way that at least avoids the obstacles is a better guess than
+    chance; after one action of it the trusted check is asked again.
+
+    Args:
+        planner: does the planning.
+        problem: with the weaker check; its environment gives way to the one that is asked about.
+        extensions: most transitions that one choice checks.
+    """
+
+    def __init__(self, planner: Planner, problem: Problem, extensions: int = 2000) -> None:
+        self.planner, self.problem, self.extensions = planner, problem, extensions
+
+    def choose(
+        self, environment: Environment, states: Float[np.ndarray, "batch state"], rng: np.random.Generator
+    ) -> Float[np.ndarray, "batch action"]:
+        problem, actions = replace(self.problem, environment=environment), self.problem.sampler.propose(states, rng)
+        for row, state in enumerate(states):
+            plan = self.planner.plan(problem, state, Meter(Budget(extensions=self.extensions), lambda: 0.0), rng)
+            if len(plan):
+                actions[row] = plan.actions[0]
+        return actions

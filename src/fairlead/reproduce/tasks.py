@@ -31,7 +31,7 @@ REAL_TASKS = "real_tasks"
 REUSED = {"dragging": ("dynamics", "trust-sdf"), "dual_arm": ("dynamics",)}
 """By the base of a task: the models that come with Fairlead for the base and are used as they are. Dragging has no
 recovery to reuse: it is trained on data of dragging, where stuck states are so rare that it mostly acts at random."""
-METHODS = ("trust-sdf+recovery", "accept-all", "collision-check")
+METHODS = ("trust-sdf+planned-recovery", "trust-sdf+recovery", "accept-all", "collision-check")
 BUDGET = Budget(seconds=120)
 OBSTACLES_EVERY = 2
 """Surroundings change after so many trajectories: many of them matter more to a classifier than long stays in one."""
@@ -60,6 +60,7 @@ def reproduce_tasks(size: str, out: Path, seed: int, threads: int, bar: Bar) -> 
         config = TrialsConfig(
             task.name, models, benchmark_scenes(task.name), METHODS, of.budget if counted else BUDGET,
             limit=of.sets["benchmark"] if counted else None, traced=of.traced, reference=METHODS[0], differences=MOCKUP,
+            remember=True,
         )  # fmt: skip
         try_all(config, out / "trials" / f"{task.name}-mockup", threads, bar)
     return write_report([out], out / "report", videos=sizes[0].videos, cameras=camera)
