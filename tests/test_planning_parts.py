@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import final
 
 import numpy as np
@@ -17,7 +18,8 @@ from fairlead.core.roles import Dynamics, TransitionCheck
 from fairlead.planning.checks import AcceptAll, CollisionCheck, SpreadThreshold
 from fairlead.planning.metric import Metric
 from fairlead.planning.problem import Tried
-from fairlead.planning.recovery import NoRecovery, RandomRecovery
+from fairlead.planning.recovery import NoRecovery, PlannedRecovery, RandomRecovery
+from fairlead.planning.rrt import BatchedRRT
 from fairlead.planning.targets import Targets
 from fairlead.planning.tree import Tree
 from toy import BAR, LAYOUT, LINK, RADIUS, SAMPLER, FreeChain, ToyWorld, arena, problem, straight, tail_goal
@@ -152,6 +154,18 @@ def test_the_toy_and_the_policies_keep_their_contracts():
     contracts.check_recovery(NoRecovery(), arena(), states, LAYOUT)
     contracts.check_recovery(RandomRecovery(SAMPLER), arena(), states, LAYOUT)
     assert NoRecovery().choose(arena(), states, np.random.default_rng(0)) is None
+
+
+def test_planned_recovery_begins_the_way_that_the_weaker_check_accepts_and_else_acts_at_random():
+    states = np.repeat(straight(-0.2, 0.0)[None], 8, axis=0)
+    there = problem(arena(), tail_goal(0.5, 0.0))
+    policy = PlannedRecovery(BatchedRRT(), there)
+    chosen = policy.choose(arena(), states, np.random.default_rng(0))
+    drawn = SAMPLER.propose(states, np.random.default_rng(0))
+    assert (chosen - states[:, :3])[:, 0].mean() > (drawn - states[:, :3])[:, 0].mean() + 0.02
+    contracts.check_recovery(policy, arena(), states, LAYOUT)
+    nowhere = PlannedRecovery(BatchedRRT(), replace(there, check=CollisionCheck(LAYOUT, 10.0)))
+    np.testing.assert_array_equal(nowhere.choose(arena(), states, np.random.default_rng(0)), drawn)
 
 
 @final
