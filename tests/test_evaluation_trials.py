@@ -28,6 +28,7 @@ from fairlead.core.traces import EVENTS, read_trace
 from fairlead.evaluation.bench import PLANNERS, Bench, TrialsConfig, scaled
 from fairlead.evaluation.bench import Job as Trial
 from fairlead.evaluation.methods import CHECKS, DYNAMICS, METHODS, RECOVERIES, find_method
+from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
 from fairlead.evaluation.solved import solved_scenes
 from fairlead.evaluation.trials import CONFIG, SUMMARY, TRIALS, Trials, repair
 from fairlead.learning.dynamics import DynamicsConfig, Ensemble
@@ -35,6 +36,7 @@ from fairlead.learning.model_files import Job, save_model
 from fairlead.planning.problem import PAPER, SearchSettings
 from fairlead.planning.rrt import BatchedRRT
 from fairlead.report.playback import recording, views
+from fairlead.scenarios.other_world import Differences
 from fairlead.scenarios.registry import scenario
 from fairlead.scenarios.scene_files import write_scenes
 
@@ -258,10 +260,30 @@ def test_only_models_that_the_methods_use_belong_to_the_trials(
     assert Trials(replace(changed, methods=("oracle",)), out).missing  # needs no model
 
 
-@pytest.mark.parametrize("change", [{"budget": Budget(seconds=1)}, {"planner": "ompl"}])
+@pytest.mark.parametrize("change", [{"budget": Budget(seconds=1)}, {"planner": "ompl"}, {"remember": True}])
 def test_another_configuration_is_refused(config: TrialsConfig, finished: Path, change: dict[str, Any]) -> None:
+    before = (finished / CONFIG).read_text()
+    (finished / CONFIG).write_text(json.dumps({k: v for k, v in json.loads(before).items() if k != "remember"}))
     with pytest.raises(ArtifactError, match=next(iter(change))):
         Trials(replace(config, **change), finished)
+    assert Trials(config, finished).missing == []
+    assert (finished / MANIFEST).exists()
+    (finished / CONFIG).write_text(before)
+
+
+def test_memories_end_with_their_trial_and_planning_knows_its_arms(config: TrialsConfig) -> None:
+    config = replace(config, budget=Budget(extensions=2000))
+    remembering = Bench(replace(config, remember=True))
+    jobs = [Trial("accept-all", name, 0, None) for name in ("scene-0", "scene-1", "scene-0")]
+    first, _, again = (remembering.run(job) for job in jobs)
+    assert first == again
+    assert first["action_outcomes"]["timeout"]
+    assert first != Bench(config).run(jobs[0])
+    models, scenes = shipped_models("dual_arm"), benchmark_scenes("dual_arm")
+    panda = Bench(TrialsConfig("dual_arm", models, scenes, ("collision-check",), Budget(extensions=1),
+                               differences=Differences(arms="panda")))  # fmt: skip
+    assert panda.models.scenario.arms is not None
+    assert not np.array_equal(panda.models.scenario.arms.home, scenario("dual_arm").arms.home)
 
 
 def test_a_missing_model_is_found_before_anything_is_written(config: TrialsConfig, tmp_path: Path) -> None:

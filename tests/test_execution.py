@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import final
 
@@ -19,7 +20,7 @@ from fairlead.core.artifacts import read_jsonl
 from fairlead.core.budget import Budget
 from fairlead.core.errors import ArtifactError
 from fairlead.core.records import Executed, Plan, PlanOutcome, TrialOutcome
-from fairlead.core.roles import Goal, World
+from fairlead.core.roles import Goal, RecoveryPolicy, World
 from fairlead.core.traces import EVENTS, read_trace
 from fairlead.execution.trace import TraceFolder
 from fairlead.execution.trial import STUCK_PLANS, Protocol, Task, TrialResult, run_trial
@@ -132,6 +133,26 @@ def test_recovery_is_one_action_then_a_new_plan(protocol):
     result = trial(scripted_task([None, None, 2], RandomRecovery(SAMPLER)), Budget(extensions=300), protocol)
     assert (result.outcome, result.times_stuck, result.recovery_actions) == (TrialOutcome.BUDGET, 2, 2)
     assert (result.plans, result.actions) == (3, 4)
+
+
+def test_who_remembers_is_told_what_was_cut_short_and_nothing_else():
+    told, world = [], ToyWorld(arena(BAR), START[None])
+    task = replace(scripted_task(itertools.repeat(3), cost=1), cut_short=lambda *action: told.append(action))
+    result = trial(task, Budget(extensions=40), world=world)
+    assert 0 < len(told) == result.actions - result.action_outcomes["target"]
+    for before, action, after in told:
+        np.testing.assert_array_equal(before, after)  # the toy's world stays where it is
+        assert not np.array_equal(action, before[:3])
+
+
+def test_what_recovery_checks_is_charged():
+    class Costly(RecoveryPolicy):
+        def choose(self, environment, states, rng):
+            self.extensions += 40
+            return SAMPLER.propose(states, rng)
+
+    result = trial(scripted_task([None, None, 2], Costly()), Budget(extensions=380))
+    assert (result.recovery_actions, result.extensions) == (2, 380)
 
 
 def test_plans_without_actions_do_not_run_for_ever():

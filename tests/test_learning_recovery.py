@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any, final
 
@@ -119,11 +120,13 @@ def test_a_few_transitions_of_many_scenes_may_be_examined() -> None:
     assert len(found) <= 8
 
 
-@pytest.mark.parametrize(("kind", "config"), [(ChainRecovery, TrustConfig("sdf", hidden=8)), (FrozenRecovery, VOXEL)])
+@pytest.mark.parametrize(
+    ("kind", "config"), [(ChainRecovery, TrustConfig("sdf", hidden=8)), (partial(FrozenRecovery, hidden=8), VOXEL)]
+)
 def test_every_row_is_judged_in_its_own_environment(kind: Any, config: TrustConfig) -> None:
     data = trajectories(12, 5, 3, np.random.default_rng(3))
     found = recovery_examples(DYNAMICS, SideCheck(0.0), SAMPLER, data, 4, 10**6, 0.0, np.random.default_rng(1))
-    network = kind(build_network(LAYOUT, config, 0), 8).eval()
+    network = kind(build_network(LAYOUT, config, 0)).eval()
     inputs = network.prepare(data.environments, found)
     with torch.inference_mode():
         together = network(*inputs(np.arange(len(found)))).numpy()

@@ -64,7 +64,7 @@ def models(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     write(folder / "full-dynamics", "full-dynamics", SMOKE.full_dynamics, FullNetwork(layout, SMOKE.full_dynamics))
     for suffix, config in (("", SMOKE.trust), ("-sdf", SMOKE.trust_sdf)):
         trust = build_network(layout, config, 1)
-        both: nn.Module = (ChainRecovery if suffix else FrozenRecovery)(trust, SMOKE.recovery.hidden)  # type: ignore[arg-type]
+        both: nn.Module = ChainRecovery(trust) if suffix else FrozenRecovery(trust, SMOKE.recovery.hidden)  # type: ignore[arg-type]
         write(folder / f"trust{suffix}", "trust", config, trust, spread_threshold_m=0.01)
         write(folder / f"recovery{suffix}", "recovery", RecoveryAndTrust(SMOKE.recovery, config), both, trained=True)
     return folder

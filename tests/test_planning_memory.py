@@ -8,9 +8,10 @@ from hypothesis import strategies as st
 
 from fairlead.core import contracts
 from fairlead.core.layout import StateLayout
+from fairlead.core.roles import RecoveryPolicy
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.planning.memory import CutShort, DoubtfulRecovery, UntriedActions
-from fairlead.planning.recovery import NoRecovery, RandomRecovery
+from fairlead.planning.recovery import NoRecovery
 from toy import arena
 
 LAYOUT = StateLayout(("left", "right"), 4)
@@ -22,7 +23,7 @@ UP = np.tile([0.0, 0.0, 0.1], 2)
 def remembering(*ways: np.ndarray) -> CutShort:
     tried = CutShort(LAYOUT)
     for way in ways:
-        tried.add(STATES[0], STATES[0, :6] + way)
+        tried.add(STATES[0], STATES[0, :6] + way, STATES[0])
     return tried
 
 
@@ -34,6 +35,17 @@ def test_the_same_way_from_about_the_same_place_is_covered_whatever_its_length(
     state[:, 0] += off
     way = scale * 0.1 * np.tile([np.sin(np.radians(turn)), 0.0, np.cos(np.radians(turn))], 2)
     assert remembering(UP).covers(state, state[:, :6] + way).all()
+
+
+def test_an_action_counts_where_it_began_and_where_it_ended() -> None:
+    begin, end, tried = STATES[:1], STATES[:1].copy(), CutShort(LAYOUT)
+    end[:, :6] += 0.7 * UP
+    tried.add(begin[0], begin[0, :6] + UP, end[0])
+    between = (begin + end) / 2 + 0.02
+    for state, expected in ((begin, 1), (end, 1), (begin - 0.1, 0)):
+        assert tried.count(state) == expected
+        assert tried.covers(state, state[:, :6] + UP) == bool(expected)
+    assert tried.count(between) == 1
 
 
 def test_another_way_another_place_and_another_trial_are_not() -> None:
@@ -62,14 +74,14 @@ def test_what_was_tried_is_not_proposed_and_without_memories_nothing_changes() -
 
 
 def test_a_policy_is_doubted_by_half_with_each_failure() -> None:
-    class Always(RandomRecovery):
+    class Always(RecoveryPolicy):
         def choose(self, environment, states, rng):
             return states[:, :6] + UP
 
     many = np.tile(STATES, (20, 1))
     for failures in range(4):
         tried = remembering(*[-UP] * failures)
-        policy = DoubtfulRecovery(Always(SAMPLER), UntriedActions(SAMPLER, tried))
+        policy = DoubtfulRecovery(Always(), UntriedActions(SAMPLER, tried))
         kept = np.isclose(policy.choose(arena(), many, np.random.default_rng(1)), many[:, :6] + UP).all(axis=1)
         assert abs(kept.mean() - 0.5**failures) < 0.05
     nobody = DoubtfulRecovery(NoRecovery(), UntriedActions(SAMPLER, remembering(UP)))

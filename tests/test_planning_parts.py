@@ -159,13 +159,18 @@ def test_the_toy_and_the_policies_keep_their_contracts():
 def test_planned_recovery_begins_the_way_that_the_weaker_check_accepts_and_else_acts_at_random():
     states = np.repeat(straight(-0.2, 0.0)[None], 8, axis=0)
     there = problem(arena(), tail_goal(0.5, 0.0))
-    policy = PlannedRecovery(BatchedRRT(), there)
+    policy = PlannedRecovery(BatchedRRT(), there, RandomRecovery(SAMPLER))
     chosen = policy.choose(arena(), states, np.random.default_rng(0))
     drawn = SAMPLER.propose(states, np.random.default_rng(0))
     assert (chosen - states[:, :3])[:, 0].mean() > (drawn - states[:, :3])[:, 0].mean() + 0.02
     contracts.check_recovery(policy, arena(), states, LAYOUT)
-    nowhere = PlannedRecovery(BatchedRRT(), replace(there, check=CollisionCheck(LAYOUT, 10.0)))
-    np.testing.assert_array_equal(nowhere.choose(arena(), states, np.random.default_rng(0)), drawn)
+    assert policy.extensions > 0
+    refused = replace(there, check=CollisionCheck(LAYOUT, 10.0))
+    nowhere = PlannedRecovery(BatchedRRT(), refused, RandomRecovery(SAMPLER))
+    assert nowhere.choose(arena(), states, np.random.default_rng(0)).shape == drawn.shape
+    assert nowhere.extensions == 32 * len(states)
+    declines = PlannedRecovery(BatchedRRT(), refused, NoRecovery())
+    assert declines.choose(arena(), states, np.random.default_rng(0)) is None
 
 
 @final

@@ -116,7 +116,12 @@ class TransitionCheck(ABC):
 
 
 class RecoveryPolicy(ABC):
-    """Chooses what to do where no prediction can be trusted."""
+    """Chooses what to do where no prediction can be trusted.
+
+    `extensions`: transitions that its choices have checked so far, which count as those of planning do.
+    """
+
+    extensions: int = 0
 
     @abstractmethod
     def choose(

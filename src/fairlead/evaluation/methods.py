@@ -51,7 +51,10 @@ METHODS: dict[str, Method] = {
         "learned", "trust-sdf", "random", "The small classifier; stuck, a random action."
     ),
     "trust-sdf+planned-recovery": Method(
-        "learned", "trust-sdf", "planned", "The small classifier; stuck, one action of a plan that avoids collisions."
+        "learned",
+        "trust-sdf",
+        "planned",
+        "Not of the paper: the small classifier; stuck, the collision check plans one action.",
     ),
     "accept-all": Method("learned", "accept-all", "none", "The same dynamics, trusted everywhere."),
     "accept-all+arms": Method("learned", "arms", "none", "Trusted everywhere that the arms can reach."),
@@ -68,7 +71,8 @@ class Models:
     """The trained models of a scenario, in the folders of one folder; each is read when a method asks for it.
 
     Folders: dynamics, full-dynamics, trust, trust-sdf, recovery, recovery-sdf. `hashes` maps the name of each that was
-    asked for to the SHA-256 of its manifest. `sampler` draws the actions of recovery; None for the scenario's.
+    asked for to the SHA-256 of its manifest. `sampler` draws the actions of planning and recovery, by default as the
+    scenario does.
     """
 
     def __init__(self, folder: Path, scenario: Scenario, sampler: ActionSampler | None = None) -> None:
@@ -190,10 +194,13 @@ class Parts:
             weaker = self._check("collision")
             environment = models.scenario.environment(scene.obstacles)
             problem = Problem(environment, scene.goal, dynamics, weaker, models.sampler)
-            recovery: RecoveryPolicy = PlannedRecovery(BatchedRRT(), problem)
+            recovery: RecoveryPolicy = PlannedRecovery(BatchedRRT(), problem, self._recovery("random"))
         else:
-            recovery = _once(self._recoveries, method.recovery, lambda: RECOVERIES[method.recovery](models))
+            recovery = self._recovery(method.recovery)
         return dynamics, self._check(method.check), recovery
+
+    def _recovery(self, name: str) -> RecoveryPolicy:
+        return _once(self._recoveries, name, lambda: RECOVERIES[name](self._models))
 
     def _check(self, name: str) -> TransitionCheck:
         return _once(self._checks, name, lambda: plugins.find("check", name, CHECKS)(self._models))

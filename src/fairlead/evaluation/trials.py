@@ -127,7 +127,7 @@ def repair(path: Path) -> None:
 def _claim(out: Path, wanted: dict[str, Any], reference: str | None) -> None:
     """Make the folder this configuration's, or refuse it."""
     path = out / CONFIG
-    found = read_json(path) if path.exists() else {"models": {}}
+    found = {"remember": False, **read_json(path)} if path.exists() else {"models": {}}
     before, now = ({**config, **config["models"], "models": None} for config in (found, wanted))
     for key, value in now.items():
         if key in before and before[key] != value:

@@ -23,10 +23,8 @@ from fairlead.execution.trace import NoTrace, Recorder
 
 MakePlan = Callable[[np.ndarray, Meter, np.random.Generator], Plan]
 
-
 STUCK_PLANS = 100
-"""A trial ends after so many stuck plans from one observed state: 3,200 rejected actions. To go on would cost wall time
-alone, since planning that ends at once is hardly charged."""
+"""A trial ends after so many stuck plans from one observed state: to go on would cost hardly more than wall time."""
 
 
 class Protocol(Explained):
@@ -41,14 +39,14 @@ class Task:
     """What decides in a trial, and where.
 
     plan: one planning attempt from a state, `lambda state, meter, rng: planner.plan(problem, state, meter, rng)`.
-    cut_short: told the state in which an action ended that was stopped before its targets, and that action.
+    cut_short: told each action that was stopped before its targets: the state before, the action, the state after.
     """
 
     environment: Environment
     goal: Goal
     plan: MakePlan
     recovery: RecoveryPolicy
-    cut_short: Callable[[np.ndarray, np.ndarray], None] = lambda state, action: None
+    cut_short: Callable[[np.ndarray, np.ndarray, np.ndarray], object] = lambda before, action, after: None
 
 
 @dataclass(frozen=True)
@@ -56,11 +54,9 @@ class TrialResult:
     """How a trial went.
 
     planning_s [s] is wall time and 0 under a counted budget, which reads no clock; execution_s [s] is simulated.
-    reached_at_s [s] is when the goal was seen to be reached, None if it was not: success within a smaller budget is
-    reached_at_s at most that. first_plan_success and first_plan_error_m [m] are of the state after the first plan
-    was executed whole (planning that is stuck yields none: recovery may come before); None if the trial ended before
-    that. action_outcomes counts how
-    the actions ended, by the label of the `ActionOutcome`, those of recovery included.
+    reached_at_s [s] is when the goal was seen to be reached, None if it was not. first_plan_success and
+    first_plan_error_m [m] are of the state after the first plan was executed whole (recovery may come before); None if
+    the trial ended before that. action_outcomes counts how the actions ended, those of recovery included.
     """
 
     success: bool
@@ -186,12 +182,14 @@ class _Trial:
         """One recovery action; false where the policy declines."""
         self._stuck += 1
         self._stuck_here += 1
-        rng = stream(self._seed, "recovery", self._recoveries)
+        rng, recovery = stream(self._seed, "recovery", self._recoveries), self._task.recovery
+        before = recovery.extensions
         self._meter.start_planning()
         try:
-            actions = self._task.recovery.choose(self._task.environment, self._state[None], rng)
+            actions = recovery.choose(self._task.environment, self._state[None], rng)
         finally:
             self._meter.stop_planning()
+            self._meter.charge_extensions(recovery.extensions - before)
         if actions is None:
             return False
         if not self._out_of_time:
@@ -203,12 +201,12 @@ class _Trial:
         executed = self._world.execute(action[None])
         seconds, self._diverged = float(executed.seconds[0]), bool(executed.diverged[0])
         end = tuple(ActionOutcome)[int(executed.outcomes[0])].label
-        if not np.array_equal(executed.states[0], self._state):
+        before, self._state = self._state, executed.states[0]
+        if not np.array_equal(before, self._state):
             self._stuck_here = 0
-        self._state = executed.states[0]
         self._ends[end] += 1
         if end != ActionOutcome.TARGET.label:
-            self._task.cut_short(self._state, action)
+            self._task.cut_short(before, action, self._state)
         self._meter.charge_execution(seconds)
         self._recorder.event({
             "event": "action", "plan": self._plans - 1, "recovery": recovery, "action": action.tolist(),

@@ -63,8 +63,11 @@ class _Saved:
     trust: TrustConfig
 
 
-_NETWORKS: dict[str, Callable[[Any, int], RecoveryNetwork]] = {"sdf": ChainRecovery, "voxel": FrozenRecovery}
-"""By the network of the classifier: called with it, and with `RecoveryConfig.hidden`."""
+_NETWORKS: dict[str, Callable[[Any, RecoveryConfig], RecoveryNetwork]] = {
+    "sdf": lambda trust, config: ChainRecovery(trust),
+    "voxel": lambda trust, config: FrozenRecovery(trust, config.hidden),
+}
+"""By the network of the classifier: called with it, and with how recovery is learned."""
 
 
 @final
@@ -170,7 +173,7 @@ def train_recovery(
 def _build(trust: TrustNetwork, config: RecoveryConfig, seed: int) -> RecoveryNetwork:
     with torch.random.fork_rng(devices=[]):  # as in trust.build_network
         torch.manual_seed(stream_seed(seed, "recovery", "weights"))
-        return _NETWORKS[trust.config.network](trust, config.hidden).eval()
+        return _NETWORKS[trust.config.network](trust, config).eval()
 
 
 def recovery_from(model: ModelFile, sampler: ActionSampler) -> LearnedRecovery:

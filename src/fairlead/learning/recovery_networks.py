@@ -33,12 +33,13 @@ class RecoveryNetwork(nn.Module, ABC):
     def prepare(self, environments: Sequence[Environment], examples: RecoveryExamples) -> Inputs:
         """How to get the inputs of `forward` for chosen rows of `examples`."""
 
+    @abstractmethod
     def standardise(self, inputs: Inputs, count: int) -> None:
         """Learn scales from `count` training examples, before training begins."""
 
+    @abstractmethod
     def augment(self, inputs: tuple[Tensor, ...], rng: np.random.Generator) -> tuple[Tensor, ...]:
         """Inputs changed in a way that leaves the label as it is."""
-        return inputs
 
     @abstractmethod
     def judge(
@@ -82,6 +83,12 @@ class FrozenRecovery(RecoveryNetwork):
             rows[of] = self._inputs(environments[scene], examples.states[of], examples.actions[of, None])
         return lambda chosen: (torch.from_numpy(rows[chosen]),)
 
+    def standardise(self, inputs: Inputs, count: int) -> None:
+        """Nothing to do: BatchNorm."""
+
+    def augment(self, inputs: tuple[Tensor, ...], rng: np.random.Generator) -> tuple[Tensor, ...]:
+        return inputs
+
     def judge(
         self,
         environment: Environment,
@@ -112,8 +119,7 @@ class ChainRecovery(RecoveryNetwork):
     No prediction of the dynamics goes in: where this is asked, none is trusted.
     """
 
-    def __init__(self, trust: SdfTrust, hidden: int) -> None:
-        del hidden  # of the paper's head; this one is as wide as the classifier
+    def __init__(self, trust: SdfTrust) -> None:
         super().__init__()
         self.chain = SdfTrust(trust.layout, trust.config)
 

@@ -91,8 +91,8 @@ def recovery_examples(
 
     The label of a transition from a stuck state is the accepted part of `samples` actions at the next state (discount
     0, the paper's), or what a later state of the trajectory is worth, times `discount` for each further action, if that
-    is more: out of a deep tangle no single action leads, but some are on the way. An action that was cut short has no
-    part in what came later.
+    is more: out of a deep tangle no single action leads, but some are on the way. An action that stretched the
+    object, and so was undone, has no part in what came later.
 
     Actions whose outcome is in `leave_out` are no examples. Whole trajectories are examined, a uniform sample of no
     more than `limit` transitions (one trajectory at least).
@@ -113,8 +113,8 @@ def recovery_examples(
     value, outcomes = share.copy(), data.outcomes[chosen]
     for t in range(steps - 1, 0, -1):
         value[:, t] = np.fmax(value[:, t], discount * value[:, t + 1])
-    reached = outcomes == tuple(ActionOutcome).index(ActionOutcome.TARGET)
-    label = np.where(reached, value[:, 1:], share[:, 1:])
+    undone = outcomes == tuple(ActionOutcome).index(ActionOutcome.STRETCH)
+    label = np.where(undone, share[:, 1:], value[:, 1:])
     left_out = np.isin(outcomes, [i for i, outcome in enumerate(ActionOutcome) if outcome in leave_out])
     row, t = np.nonzero((share[:, :-1] == 0) & ~left_out)
     source = np.stack([chosen[row], t], axis=1)

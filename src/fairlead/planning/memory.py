@@ -16,11 +16,12 @@ TRIES = 16
 
 @final
 class CutShort:
-    """Where the grippers were when an action was stopped before its targets, and which way it led.
+    """Where the grippers were when an action that was cut short began and ended, and which way it led.
 
     Args:
         layout: how to read a state.
-        near: what was tried counts while every gripper is within this distance [m] of where it was stopped.
+        near: what was tried counts while every gripper is within this distance [m] of where it began, or of where it
+            ended.
         cosine: of the angle, in the space of all grippers together, within which two actions lead the same way.
     """
 
@@ -30,12 +31,19 @@ class CutShort:
 
     def forget(self) -> None:
         """Another trial begins."""
-        self._where = self._way = np.empty((0, self._layout.action_size))
+        self._where = np.empty((0, 2, len(self._layout.grippers), 3))
+        self._way = np.empty((0, self._layout.action_size))
 
-    def add(self, state: Float[np.ndarray, " state"], action: Float[np.ndarray, " action"]) -> None:
-        """An action was cut short, and ended in this state."""
-        where = self._layout.grippers_of(state).reshape(1, -1)
-        self._where, self._way = np.vstack([self._where, where]), np.vstack([self._way, _unit(action - where)])
+    def add(
+        self,
+        start: Float[np.ndarray, " state"],
+        action: Float[np.ndarray, " action"],
+        end: Float[np.ndarray, " state"],
+    ) -> None:
+        """An action was cut short: it led from one state to another."""
+        where = self._layout.grippers_of(np.stack([start, end]))
+        self._where = np.concatenate([self._where, where[None]])
+        self._way = np.concatenate([self._way, _unit(action - where[:1].reshape(1, -1))])
 
     def covers(
         self, states: Float[np.ndarray, "batch state"], actions: Float[np.ndarray, "batch action"]
@@ -51,13 +59,16 @@ class CutShort:
 
     def _near_to(self, states: Float[np.ndarray, "batch state"]) -> Bool[np.ndarray, "batch tried"]:
         grippers = self._layout.grippers_of(states)
-        where = self._where.reshape(-1, *grippers.shape[1:])
-        return np.linalg.norm(grippers[:, None] - where, axis=-1).max(-1, initial=0.0) < self._near
+        away = np.linalg.norm(grippers[:, None, None] - self._where, axis=-1)
+        return away.max(-1, initial=0.0).min(-1, initial=np.inf) < self._near
 
 
 @final
 class UntriedActions(ActionSampler):
-    """Another sampler's actions, drawn anew where they lead as one did that was cut short."""
+    """Another sampler's actions, drawn anew where they lead as one did that was cut short.
+
+    A repeated action is not drawn, and is not looked at.
+    """
 
     def __init__(self, inner: ActionSampler, tried: CutShort) -> None:
         self.inner, self.tried = inner, tried

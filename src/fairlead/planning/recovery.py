@@ -38,7 +38,7 @@ class RandomRecovery(RecoveryPolicy):
 
 @final
 class PlannedRecovery(RecoveryPolicy):
-    """The first action of a plan that a weaker check accepts; a random one where that accepts nothing either.
+    """The first action of a plan that a weaker check accepts; another policy's where there is none.
 
     Not in the paper. Where nothing can be trusted, the way that at least avoids the obstacles is a better guess than
     chance; after one action of it the trusted check is asked again.
@@ -46,18 +46,23 @@ class PlannedRecovery(RecoveryPolicy):
     Args:
         planner: does the planning.
         problem: with the weaker check; its environment gives way to the one that is asked about.
-        extensions: most transitions that one choice checks.
+        otherwise: chooses where no plan makes a beginning.
+        limit: most transitions that one choice checks.
     """
 
-    def __init__(self, planner: Planner, problem: Problem, extensions: int = 2000) -> None:
-        self.planner, self.problem, self.extensions = planner, problem, extensions
+    def __init__(self, planner: Planner, problem: Problem, otherwise: RecoveryPolicy, limit: int = 2000) -> None:
+        self.planner, self.problem, self.otherwise, self.limit = planner, problem, otherwise, limit
 
     def choose(
         self, environment: Environment, states: Float[np.ndarray, "batch state"], rng: np.random.Generator
-    ) -> Float[np.ndarray, "batch action"]:
-        problem, actions = replace(self.problem, environment=environment), self.problem.sampler.propose(states, rng)
-        for row, state in enumerate(states):
-            plan = self.planner.plan(problem, state, Meter(Budget(extensions=self.extensions), lambda: 0.0), rng)
-            if len(plan):
-                actions[row] = plan.actions[0]
-        return actions
+    ) -> Float[np.ndarray, "batch action"] | None:
+        problem = replace(self.problem, environment=environment)
+        chosen: list[np.ndarray] = []
+        for state in states:
+            plan = self.planner.plan(problem, state, Meter(Budget(extensions=self.limit), lambda: 0.0), rng)
+            self.extensions += plan.extensions
+            action = plan.actions[:1] if len(plan) else self.otherwise.choose(environment, state[None], rng)
+            if action is None:
+                return None
+            chosen.append(action)
+        return np.concatenate(chosen)

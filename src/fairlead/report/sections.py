@@ -122,6 +122,7 @@ def trial_section(trials: TrialSet, save: Figures, clips: list[Clip], cameras: C
         if config.get("differences")
         else ""
     )
+    other += " Actions that were cut short were remembered within a trial." if config.get("remember") else ""
     timed = math.isfinite(budget.seconds)
     clock = "" if timed else " A counted budget does not look at the clock: times are those of execution alone."
     section = Section(

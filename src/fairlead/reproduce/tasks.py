@@ -31,7 +31,7 @@ REAL_TASKS = "real_tasks"
 REUSED = {"dragging": ("dynamics", "trust-sdf"), "dual_arm": ("dynamics",)}
 """By the base of a task: the models that come with Fairlead for the base and are used as they are. Dragging has no
 recovery to reuse: it is trained on data of dragging, where stuck states are so rare that it mostly acts at random."""
-METHODS = ("trust-sdf+planned-recovery", "trust-sdf+recovery", "accept-all", "collision-check")
+METHODS = ("trust-sdf+recovery", "trust-sdf+planned-recovery", "accept-all", "accept-all+arms", "collision-check")
 BUDGET = Budget(seconds=120)
 OBSTACLES_EVERY = 2
 """Surroundings change after so many trajectories: many of them matter more to a classifier than long stays in one."""

@@ -1,6 +1,7 @@
 """Execution in a world other than that of training: another rope, imprecise grippers and sensing, misplaced obstacles.
 
-A trial's world is made here, behind the `World` role, as a robot's driver would be; nothing that plans or learns knows.
+A trial's world is made here, behind the `World` role, as a robot's driver would be. Nothing that plans or learns knows,
+but for the arms: a robot knows itself.
 """
 
 from __future__ import annotations
