@@ -60,7 +60,10 @@ def learning_table(scenario: str, models: Sequence[Model]) -> Table:
         for rule, counts in model.metrics.get("rules", {}).items():
             text = f"{counts['examples']:,}, {percent(counts['reliable'])} reliable"
             rows.append((f"{model.name}: training examples by the rule of the {rule}", text, "-"))
-    note = "The paper's classifier and recovery see voxels, as trust and recovery here; -sdf see signed distances."
+    note = (
+        "The paper's classifier and recovery see voxels, as trust and recovery here; -sdf see signed distances. Where"
+        " arms carry the object, actions that an arm cut short are no examples here: planning asks the arms."
+    )
     return Table(f"{scenario}, beside the paper", ("model", "here", "paper"), tuple(rows), note)
 
 
@@ -82,7 +85,10 @@ def recovery_table(models: Sequence[Model]) -> Table:
             notes.append(
                 f"{model.name} was NOT trained and acts at random: {few} transitions are too few to learn from."
             )
-    note = "Label: the share of random actions that is accepted after the transition."
+    note = (
+        "Label: the share of random actions that is accepted after the transition; of -sdf, whose labels are"
+        " discounted, also what later states of the trajectory are worth. Cross-entropies compare among equal labels."
+    )
     columns = ("model, split", "examined", "stuck", *(f"label {name}" for name in _LABELS), "cross-entropy")
     return Table("recovery", columns, tuple(rows), " ".join([*notes, note]))
 
