@@ -13,26 +13,29 @@ from hypothesis import strategies as st
 
 from fairlead.core.budget import Budget, Meter
 from fairlead.core.errors import FairleadError
-from fairlead.core.records import PlanOutcome, Transitions
+from fairlead.core.records import Plan, PlanOutcome, Transitions
 from fairlead.core.roles import TransitionCheck
 from fairlead.core.streams import stream
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box
 from fairlead.planning.checks import AcceptAll
-from fairlead.planning.choice import Surest, ToTheMiddle
+from fairlead.planning.middle import ToTheMiddle
 from fairlead.planning.ompl import OmplRRT
 from fairlead.planning.problem import Planner, Problem, SearchSettings
 from fairlead.planning.rrt import BatchedRRT
+from fairlead.planning.shorten import Shortened, expected_length
 from toy import BAR, LAYOUT, SAMPLER, BrokenChain, FreeChain, arena, problem, straight, tail_goal
 
-PLANNERS = [BatchedRRT(), BatchedRRT(lanes=7, candidates=20), OmplRRT(), Surest(ToTheMiddle(BatchedRRT()), 3)]
-NAMES = ["batched", "seven-lanes", "ompl", "middle-surest"]
+PLANNERS = [BatchedRRT(), BatchedRRT(lanes=7, candidates=20), OmplRRT(), ToTheMiddle(Shortened(BatchedRRT()))]
+NAMES = ["batched", "seven-lanes", "ompl", "middle-short"]
 each_planner = pytest.mark.parametrize("planner", PLANNERS, ids=NAMES)
 
 
 def like(planner: Planner, settings: SearchSettings) -> Planner:
     """A planner of the same kind with other settings."""
-    return Surest(ToTheMiddle(BatchedRRT(settings)), 3) if isinstance(planner, Surest) else type(planner)(settings)
+    if isinstance(planner, ToTheMiddle):
+        return ToTheMiddle(Shortened(BatchedRRT(settings)))
+    return type(planner)(settings)
 
 
 START = straight(-0.4, 0.0)
@@ -241,14 +244,46 @@ def test_plans_to_the_middle_end_there(seed, share):
     assert task.goal.error(plan.states[-1]) <= share * task.goal.tolerance
 
 
-def test_the_surest_plan_is_the_surest_of_those_that_were_made():
-    """A check that trusts less the farther a rope is from the middle line: plans differ in trust."""
+@final
+class Given(Planner):
+    """Returns the plan it was given."""
+
+    def __init__(self, found: Plan) -> None:
+        self.found = found
+
+    def plan(self, problem, start, meter, rng):
+        return self.found
+
+
+@settings(max_examples=8, deadline=None)
+@given(seed=st.integers(0, 2**32))
+def test_shortening_never_lengthens_what_is_expected_and_pays_for_each_transition(seed):
     task = replace(problem(arena(BAR), tail_goal(0.5, 0.1)), check=Slope())
-    rng, alone = stream(5), meter()
-    each = [BatchedRRT().plan(task, START, alone, rng) for _ in range(4)]
-    spent = meter()
-    surest = Surest(BatchedRRT(), 4).plan(task, START, spent, stream(5))
-    products = [np.prod(plan.trust) for plan in each]
-    assert len(set(products)) == 4
-    assert np.prod(surest.trust) == max(products)
-    assert surest.extensions == spent.extensions == alone.extensions
+    found, spent = BatchedRRT().plan(task, START, meter(), stream(seed)), meter()
+    short = Shortened(Given(found)).plan(task, START, spent, stream(seed))
+    assert expected_length(short, task) <= expected_length(found, task)
+    assert short.outcome is PlanOutcome.GOAL
+    assert short.extensions - found.extensions == spent.extensions
+
+
+def test_shortening_makes_a_detour_straight():
+    task = replace(problem(arena(), tail_goal(0.5, 0.0)), check=AcceptAll())
+    there = np.linspace(0, np.pi, 16)[1:]
+    detour = START[:3] + np.stack([0.5 * (1 - np.cos(there)), 0.5 * np.sin(there), np.zeros(15)], axis=1)
+    states = [START]
+    for action in detour:
+        states.append(task.dynamics.predict(task.environment, states[-1][None], action[None]).mean[0])
+    found = Plan(PlanOutcome.GOAL, np.stack(states), detour, np.ones(15), 15, 16)
+    task = replace(task, goal=tail_goal(*states[-1][3:5], radius=0.2))
+    short = Shortened(Given(found), rounds=16).plan(task, START, meter(), stream(0))
+    straight_m = np.linalg.norm(detour[-1] - START[:3])
+    assert expected_length(found, task) > 1.5 * straight_m
+    assert expected_length(short, task) < 1.1 * straight_m
+
+
+def test_a_plan_that_misses_the_goal_is_left_as_it_is():
+    task = problem(arena(BAR), tail_goal(0.5, 0.1, radius=1e-6))
+    found, spent = BatchedRRT().plan(task, START, meter(400), stream(0)), meter()
+    assert found.outcome is PlanOutcome.PARTIAL
+    assert Shortened(Given(found)).plan(task, START, spent, stream(0)) is found
+    assert spent.extensions == 0

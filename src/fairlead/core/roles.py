@@ -76,6 +76,12 @@ class ActionSampler(ABC):
     ) -> Float[np.ndarray, "batch action"]:
         """The action that repeats, from `next_states`, the displacement that `actions` asked for in `states`."""
 
+    def allows(
+        self, states: Float[np.ndarray, "batch state"], actions: Float[np.ndarray, "batch action"]
+    ) -> Bool[np.ndarray, " batch"]:
+        """Which actions may be planned at all, whoever thought of them; by default all."""
+        return np.ones(len(states), bool)
+
 
 class Dynamics(ABC):
     """A model h(E, s, a) of what an action does."""

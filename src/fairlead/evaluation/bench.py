@@ -18,11 +18,12 @@ from fairlead.core.streams import stream, stream_seed
 from fairlead.evaluation.methods import Models, Parts, find_method
 from fairlead.execution.trace import NoTrace, Recorder, TraceFolder
 from fairlead.execution.trial import Protocol, Task, run_trial
-from fairlead.planning.choice import Surest, ToTheMiddle
 from fairlead.planning.memory import CutShort, UntriedActions
+from fairlead.planning.middle import ToTheMiddle
 from fairlead.planning.ompl import OmplRRT
 from fairlead.planning.problem import PAPER, Planner, Problem, SearchSettings
 from fairlead.planning.rrt import BatchedRRT
+from fairlead.planning.shorten import Shortened
 from fairlead.scenarios.other_world import Differences, other_world, with_arms_of
 from fairlead.scenarios.registry import scenario as find_scenario
 from fairlead.scenarios.scene_files import Scene
@@ -32,8 +33,8 @@ Row = dict[str, Any]
 PLANNERS: dict[str, Callable[[SearchSettings], Planner]] = {
     "rrt": BatchedRRT,
     "rrt-middle": lambda settings: ToTheMiddle(BatchedRRT(settings)),
-    "rrt-surest": lambda settings: Surest(BatchedRRT(settings)),
-    "rrt-middle-surest": lambda settings: Surest(ToTheMiddle(BatchedRRT(settings))),
+    "rrt-short": lambda settings: Shortened(BatchedRRT(settings)),
+    "rrt-middle-short": lambda settings: ToTheMiddle(Shortened(BatchedRRT(settings))),
     "ompl": OmplRRT,
 }
 """Called with the limits of a planning attempt. Others come by entry points in `fairlead.planners`."""

@@ -65,10 +65,8 @@ class CutShort:
 
 @final
 class UntriedActions(ActionSampler):
-    """Another sampler's actions, drawn anew where they lead as one did that was cut short.
-
-    A repeated action is not drawn, and is not looked at.
-    """
+    """Another sampler's actions, drawn anew where they lead as one did that was cut short; no such action is allowed in
+    a plan."""
 
     def __init__(self, inner: ActionSampler, tried: CutShort) -> None:
         self.inner, self.tried = inner, tried
@@ -92,6 +90,11 @@ class UntriedActions(ActionSampler):
         next_states: Float[np.ndarray, "batch state"],
     ) -> Float[np.ndarray, "batch action"]:
         return self.inner.repeat(states, actions, next_states)
+
+    def allows(
+        self, states: Float[np.ndarray, "batch state"], actions: Float[np.ndarray, "batch action"]
+    ) -> Bool[np.ndarray, " batch"]:
+        return self.inner.allows(states, actions) & ~self.tried.covers(states, actions)
 
 
 @final

@@ -45,6 +45,7 @@ class Preset:
         dynamics, full_dynamics, trust, trust_sdf, recovery, recovery_sdf: of the models.
         methods: what is tried, the first compared with the others.
         budget: of each trial.
+        planner: of every method; the paper's is "rrt".
         obstacles_every: in phase 2 obstacles move after so many trajectories of a lane; the paper's is 8.
         sets: of scenes that are tried, by their names in `scene_sets.SETS`; the first so many of each, None for all.
         seeds: of the trials.
@@ -67,6 +68,7 @@ class Preset:
     recovery_sdf: RecoveryConfig
     methods: tuple[str, ...]
     budget: Budget = field(default_factory=lambda: Budget(seconds=60))
+    planner: str = "rrt-middle-short"
     steps2: int = 0
     obstacles_every: int = 8
     sets: Mapping[str, int | None] = field(default_factory=lambda: {"benchmark": None})
@@ -115,7 +117,7 @@ _PAPER = Preset(
     trust_sdf=TrustConfig("sdf", limit=400_000, stages=(Stage(6, 512),)),
     recovery=RecoveryConfig(limit=20_000),
     recovery_sdf=RecoveryConfig(limit=40_000, discount=0.8, stages=(Stage(16, 128),)),
-    methods=LEARNED, budget=Budget(seconds=180), obstacles_every=2, sets=_ALL, seeds=(0, 1, 2), both_protocols=True,
+    methods=LEARNED, budget=Budget(seconds=180), planner="rrt", obstacles_every=2, sets=_ALL, seeds=(0, 1, 2), both_protocols=True,
     counted=Budget(extensions=20_000), sensitivity=SensitivityConfig(),
 )  # fmt: skip
 
@@ -155,8 +157,8 @@ _DUAL_PAPER = Preset(
     trust_sdf=TrustConfig("sdf", planar=False, delta_m=0.025, limit=400_000, stages=(Stage(6, 512),)),
     recovery=RecoveryConfig(limit=20_000),
     recovery_sdf=RecoveryConfig(limit=40_000, discount=0.8, stages=(Stage(16, 128),)),
-    methods=_DUAL_DESK.methods, budget=Budget(seconds=180), obstacles_every=2, sets=_ALL, seeds=(0, 1, 2),
-    both_protocols=True, counted=Budget(extensions=20_000), sensitivity=SensitivityConfig(),
+    methods=_DUAL_DESK.methods, budget=Budget(seconds=180), planner="rrt", obstacles_every=2, sets=_ALL,
+    seeds=(0, 1, 2), both_protocols=True, counted=Budget(extensions=20_000), sensitivity=SensitivityConfig(),
 )  # fmt: skip
 
 PRESETS: dict[str, dict[str, Preset]] = {

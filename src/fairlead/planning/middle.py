@@ -1,7 +1,5 @@
-"""Planners made of another: one aims for the middle of the goal, one plans several times and keeps the surest plan.
-
-A plan is executed open loop, so it drifts: at the rim of the goal a little drift misses it, and of two plans the one
-whose transitions are more surely reliable drifts less. Each can be had alone, by its name in `evaluation.bench`.
+"""A planner that aims for the middle of the goal: a plan is executed open loop and drifts, and at the rim a little drift
+misses it. Not in the paper.
 """
 
 from __future__ import annotations
@@ -60,31 +58,3 @@ class ToTheMiddle(Planner):
         if plan.outcome is PlanOutcome.PARTIAL and problem.goal.reached(plan.states[-1]):
             return replace(plan, outcome=PlanOutcome.GOAL)
         return plan
-
-
-@final
-class Surest(Planner):
-    """Plans several times and keeps the plan with the highest product of trust: the chance that all of it is reliable.
-
-    What does not reach the goal at the first attempt is returned at once.
-
-    Args:
-        planner: does the planning.
-        plans: how many to choose from, where the budget lasts.
-    """
-
-    def __init__(self, planner: Planner, plans: int = 8) -> None:
-        if plans < 1:
-            raise FairleadError(f"plans {plans}: at least 1 is needed")
-        self.planner, self.plans = planner, plans
-
-    def plan(
-        self, problem: Problem, start: Float[np.ndarray, " state"], meter: Meter, rng: np.random.Generator
-    ) -> Plan:
-        found = [self.planner.plan(problem, start, meter, rng)]
-        while found[-1].outcome is PlanOutcome.GOAL and len(found) < self.plans and not meter.exhausted:
-            found.append(self.planner.plan(problem, start, meter, rng))
-        reached = [plan for plan in found if plan.outcome is PlanOutcome.GOAL] or found
-        best = max(reached, key=lambda plan: float(np.log(plan.trust).sum()))
-        total = {name: sum(getattr(plan, name) for plan in found) for name in ("extensions", "invalid")}
-        return replace(best, **total)
