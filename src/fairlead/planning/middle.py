@@ -1,5 +1,6 @@
-"""A planner that aims for the middle of the goal: a plan is executed open loop and drifts, and at the rim a little drift
-misses it. Not in the paper.
+"""A planner that aims for the middle of the goal. Not in the paper.
+
+A plan is executed open loop, so it drifts: at the rim of the goal a little drift misses it.
 """
 
 from __future__ import annotations

@@ -94,7 +94,8 @@ class _Followed:
 
 def _straightened(problem: Problem, plan: Plan, reach: float, count: int, rng: np.random.Generator) -> _Ways:
     """So many times the plan with a straight way between two of its states, in steps of equal length up to `reach`."""
-    grippers, found = problem.layout.grippers_of(plan.states), []
+    grippers = problem.layout.grippers_of(plan.states)
+    found: list[np.ndarray] = []
     begins = rng.integers(0, len(plan) - 1, size=count)
     for begin, end in zip(begins, rng.integers(begins + 2, len(plan) + 1), strict=True):
         way = grippers[end] - grippers[begin]
@@ -110,10 +111,10 @@ def _straightened(problem: Problem, plan: Plan, reach: float, count: int, rng: n
 
 def _follow(problem: Problem, plan: Plan, ways: _Ways, meter: Meter) -> _Followed:
     """Predict and check the ways side by side, each as long as it is accepted and not yet in the goal."""
-    ways_count, steps = ways.actions.shape[:2]
+    count, steps = ways.actions.shape[:2]
     states = np.repeat(plan.states[ways.begins][:, None], steps + 1, axis=1)
-    trust, counts, invalid = np.ones((ways_count, steps)), np.zeros(ways_count, int), 0
-    reached, going = np.zeros(ways_count, bool), np.arange(ways_count)
+    trust, counts, invalid = np.ones((count, steps)), np.zeros(count, int), 0
+    reached, going = np.zeros(count, bool), (ways.counts > 0).nonzero()[0]
     encodings = problem.check.encode(problem.environment, states[:, 0])
     for step in range(steps):
         if not len(going) or meter.exhausted or len(going) > meter.budget.extensions - meter.extensions:

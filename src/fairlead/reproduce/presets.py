@@ -117,8 +117,8 @@ _PAPER = Preset(
     trust_sdf=TrustConfig("sdf", limit=400_000, stages=(Stage(6, 512),)),
     recovery=RecoveryConfig(limit=20_000),
     recovery_sdf=RecoveryConfig(limit=40_000, discount=0.8, stages=(Stage(16, 128),)),
-    methods=LEARNED, budget=Budget(seconds=180), planner="rrt", obstacles_every=2, sets=_ALL, seeds=(0, 1, 2), both_protocols=True,
-    counted=Budget(extensions=20_000), sensitivity=SensitivityConfig(),
+    methods=LEARNED, budget=Budget(seconds=180), planner="rrt", obstacles_every=2, sets=_ALL, seeds=(0, 1, 2),
+    both_protocols=True, counted=Budget(extensions=20_000), sensitivity=SensitivityConfig(),
 )  # fmt: skip
 
 _DUAL_SMOKE = Preset(
