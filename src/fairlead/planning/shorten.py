@@ -43,7 +43,7 @@ class Shortened(Planner):
         candidates: plans that are predicted and checked side by side.
     """
 
-    def __init__(self, planner: Planner, rounds: int = 8, candidates: int = 32) -> None:
+    def __init__(self, planner: Planner, rounds: int = 4, candidates: int = 32) -> None:
         if min(rounds, candidates) < 1:
             raise FairleadError("rounds and candidates must be positive")
         self.planner, self.rounds, self.candidates = planner, rounds, candidates
