@@ -31,6 +31,6 @@ def try_methods(scenario: str, scenes: int, budget: Budget, out: Path, workers: 
     """Try the methods of a scenario on its first benchmark scenes, every trial with its trace; `out` is returned."""
     methods = METHODS[scenario]
     config = TrialsConfig(scenario, shipped_models(scenario), benchmark_scenes(scenario), methods, budget,
-                          limit=scenes, traced=scenes, reference=methods[0])  # fmt: skip
+                          planner="rrt-middle-short", limit=scenes, traced=scenes, reference=methods[0])  # fmt: skip
     try_all(config, out, workers, bar)
     return out
