@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from benchmarks.rates import Rates
 from fairlead.core.budget import Budget, Meter
@@ -91,6 +91,11 @@ class Stopwatch(ActionSampler):
         self.seconds.append(time.perf_counter())
         self.nodes.append(self.nodes[-1] + len(states))
         return self._sampler.repeat(states, actions, next_states)
+
+    def allows(
+        self, states: Float[np.ndarray, "batch state"], actions: Float[np.ndarray, "batch action"]
+    ) -> Bool[np.ndarray, " batch"]:
+        return self._sampler.allows(states, actions)
 
 
 def growing(problem: Problem) -> Problem:

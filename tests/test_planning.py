@@ -1,4 +1,4 @@
-"""Laws of planning, for both planners: what a plan promises, what it may spend, and when it gives up."""
+"""Laws of planning, for every planner: what a plan promises, what it may spend, and when it gives up."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from fairlead.core.budget import Budget, Meter
 from fairlead.core.errors import FairleadError
-from fairlead.core.records import Plan, PlanOutcome, Transitions
-from fairlead.core.roles import TransitionCheck
+from fairlead.core.layout import StateLayout
+from fairlead.core.records import Plan, PlanOutcome, Prediction, Transitions
+from fairlead.core.roles import Dynamics, TransitionCheck
 from fairlead.core.streams import stream
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box
@@ -26,7 +27,7 @@ from fairlead.planning.rrt import BatchedRRT
 from fairlead.planning.shorten import Shortened, expected_length
 from toy import BAR, LAYOUT, SAMPLER, BrokenChain, FreeChain, arena, problem, straight, tail_goal
 
-PLANNERS = [BatchedRRT(), BatchedRRT(lanes=7, candidates=20), OmplRRT(), ToTheMiddle(Shortened(BatchedRRT()))]
+PLANNERS = [BatchedRRT(), BatchedRRT(lanes=7, candidates=20), OmplRRT(), ToTheMiddle(Shortened(BatchedRRT(lanes=7)))]
 NAMES = ["batched", "seven-lanes", "ompl", "middle-short"]
 each_planner = pytest.mark.parametrize("planner", PLANNERS, ids=NAMES)
 
@@ -34,7 +35,7 @@ each_planner = pytest.mark.parametrize("planner", PLANNERS, ids=NAMES)
 def like(planner: Planner, settings: SearchSettings) -> Planner:
     """A planner of the same kind with other settings."""
     if isinstance(planner, ToTheMiddle):
-        return ToTheMiddle(Shortened(BatchedRRT(settings)))
+        return ToTheMiddle(Shortened(BatchedRRT(settings, lanes=7), settings))
     return type(planner)(settings)
 
 
@@ -245,6 +246,16 @@ def test_plans_to_the_middle_end_there(seed, share):
 
 
 @final
+class TwoPoints(Dynamics):
+    """Two grippers that hold nothing and arrive where they are sent."""
+
+    layout = StateLayout(("left", "right"), 0)
+
+    def predict(self, environment, states, actions):
+        return Prediction(actions, np.zeros(len(actions)))
+
+
+@final
 class Given(Planner):
     """Returns the plan it was given."""
 
@@ -261,9 +272,16 @@ def test_shortening_never_lengthens_what_is_expected_and_pays_for_each_transitio
     task = replace(problem(arena(BAR), tail_goal(0.5, 0.1)), check=Slope())
     found, spent = BatchedRRT().plan(task, START, meter(), stream(seed)), meter()
     short = Shortened(Given(found)).plan(task, START, spent, stream(seed))
-    assert expected_length(short, task) <= expected_length(found, task)
     assert short.outcome is PlanOutcome.GOAL
+    assert expected_length(short, task) < expected_length(found, task)
     assert short.extensions - found.extensions == spent.extensions
+    assert task.goal.reached(short.states).tolist() == [False] * len(short) + [True]
+    again = task.attempt(short.states[:-1], short.actions, task.check.encode(task.environment, short.states[:-1]))
+    assert again.accepted.all()
+    assert np.allclose(again.next_states, short.states[1:])
+    assert np.allclose(again.trust, short.trust)
+    same = Shortened(Given(found)).plan(task, START, meter(), stream(seed))
+    assert np.array_equal(same.actions, short.actions)
 
 
 def test_shortening_makes_a_detour_straight():
@@ -279,6 +297,40 @@ def test_shortening_makes_a_detour_straight():
     straight_m = np.linalg.norm(detour[-1] - START[:3])
     assert expected_length(found, task) > 1.5 * straight_m
     assert expected_length(short, task) < 1.1 * straight_m
+
+
+def test_expected_length_is_the_way_of_the_farthest_gripper_over_the_chance():
+    states = np.array([[0, 0, 0, 1, 0, 0], [0.3, 0.4, 0, 1, 0, 0], [0.3, 0.4, 0, 1, 0, 0.2]], float)
+    plan = Plan(PlanOutcome.GOAL, states, states[1:], np.array([0.8, 0.5]), 2, 3)
+    task = problem(arena(), tail_goal(0.5, 0.1), TwoPoints())
+    assert expected_length(plan, task) == pytest.approx((0.5 + 0.2) / (0.8 * 0.5))
+
+
+@pytest.mark.parametrize("left", [1, 40, 500])
+def test_shortening_keeps_within_the_limits_of_the_attempt_and_of_the_trial(left):
+    task = problem(arena(BAR), tail_goal(0.5, 0.1))
+    found = BatchedRRT().plan(task, START, meter(), stream(3))
+    for spent, limit in ((meter(left), 20_000), (meter(), left)):
+        short = Shortened(Given(found), SearchSettings(attempt_extensions=limit)).plan(task, START, spent, stream(0))
+        assert short.outcome is PlanOutcome.GOAL
+        assert short.extensions - found.extensions == spent.extensions
+        assert 0 < spent.extensions <= left
+    late = Meter(Budget(seconds=1), lambda: 0.0, planning_s=1)
+    assert Shortened(Given(found)).plan(task, START, late, stream(0)) is found
+    assert late.extensions == 0
+
+
+def test_a_plan_of_two_actions_has_one_candidate_and_one_of_one_action_none():
+    task = replace(problem(arena(), tail_goal(0.5, 0.0)), check=AcceptAll())
+    states = [START, *(FreeChain().predict(task.environment, START[None], START[None, :3] + [[x, 0, 0]]).mean[0]
+                       for x in (0.05, 0.1))]  # fmt: skip
+    task = replace(task, goal=tail_goal(*states[2][3:5], radius=0.01))
+    for actions, asked in ((1, 0), (2, 1)):
+        kept = np.stack(states[: actions + 1] if actions == 2 else [states[0], states[2]])
+        plan, spent = Plan(PlanOutcome.GOAL, kept, kept[1:, :3], np.ones(actions), 0, 3), meter()
+        Shortened(Given(plan)).plan(task, START, spent, stream(0))
+        assert (spent.extensions > 0) == bool(asked)
+        assert spent.extensions <= 2 * asked
 
 
 def test_a_plan_that_misses_the_goal_is_left_as_it_is():

@@ -32,7 +32,8 @@ class Command:
     protocol: str = "fair"
     """paper or fair."""
     planner: str = "rrt"
-    """rrt (batched), ompl, or one that is installed."""
+    """rrt (the paper's, batched), rrt-middle (to the middle of the goal), rrt-short (plans made shorter),
+    rrt-middle-short (both), ompl, or one that is installed."""
     seed: int = 0
     """Of the trial."""
     video: Path | None = None

@@ -118,6 +118,8 @@ def check_sampler(sampler: ActionSampler, states: Float[np.ndarray, "batch state
     (again,) = _call_untouched("repeat", lambda *a: (sampler.repeat(*a),), (states, actions, states))
     _check_array("a repeated action", again, actions.shape)
     _require(np.allclose(again, actions), "an action repeated from its own state must be that action")
+    (allowed,) = _call_untouched("allows", lambda *a: (sampler.allows(*a),), (states, actions))
+    _require(allowed.shape == (len(states),) and allowed.dtype == bool, "allows must answer yes or no for each action")
 
 
 def check_recovery(

@@ -119,7 +119,8 @@ class Plan:
     """One planning attempt: T actions from states[0] to states[T], and the trust in each transition.
 
     No batch axis. `extensions` counts the transitions that were checked, `invalid` those of them whose prediction or
-    probability was not a finite number; `nodes` is the size of the tree, and `tree` the tree, for looking at.
+    probability was not a finite number; `nodes` is the size of the tree, and `tree` the tree, for looking at: a plan
+    that was shortened does not lie in it.
     """
 
     outcome: PlanOutcome

@@ -30,11 +30,13 @@ from fairlead.scenarios.scene_files import Scene
 
 Row = dict[str, Any]
 
+SHORT = "rrt-middle-short"
+"""The best planner we know, and not the paper's."""
 PLANNERS: dict[str, Callable[[SearchSettings], Planner]] = {
     "rrt": BatchedRRT,
     "rrt-middle": lambda settings: ToTheMiddle(BatchedRRT(settings)),
-    "rrt-short": lambda settings: Shortened(BatchedRRT(settings)),
-    "rrt-middle-short": lambda settings: ToTheMiddle(Shortened(BatchedRRT(settings))),
+    "rrt-short": lambda settings: Shortened(BatchedRRT(settings), settings),
+    SHORT: lambda settings: ToTheMiddle(Shortened(BatchedRRT(settings), settings)),
     "ompl": OmplRRT,
 }
 """Called with the limits of a planning attempt. Others come by entry points in `fairlead.planners`."""

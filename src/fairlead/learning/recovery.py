@@ -113,7 +113,9 @@ class LearnedRecovery(RecoveryPolicy):
             return self._sampler.propose(states, rng)
         actions = self._sampler.propose(np.repeat(states, self._samples, axis=0), rng)
         actions = actions.reshape(len(states), self._samples, -1)
-        best = self.probability(environment, states, actions).argmax(axis=1)
+        score = self.probability(environment, states, actions)
+        allowed = self._sampler.allows(np.repeat(states, self._samples, axis=0), actions.reshape(score.size, -1))
+        best = np.where(allowed.reshape(score.shape), score, -1.0).argmax(axis=1)
         return actions[np.arange(len(states)), best]
 
     def probability(

@@ -15,17 +15,19 @@ from jaxtyping import Bool, Float, Int
 from fairlead.core.budget import Meter
 from fairlead.core.errors import FairleadError
 from fairlead.core.records import Plan, PlanOutcome
-from fairlead.planning.problem import Planner, Problem
+from fairlead.planning.problem import PAPER, Allowance, Planner, Problem, SearchSettings
 
 PROPOSALS = 256
 """Actions asked of the sampler: no action of a straight stretch is longer than the longest of them."""
+SLACK = 0.01
+"""Grippers may be predicted so far from where they were sent [m], which makes the next action longer."""
 
 
 def expected_length(plan: Plan, problem: Problem) -> float:
     """How far the grippers move [m], over the chance that all of the plan is reliable.
 
-    Where each failure costs another such plan, this is the way until one succeeds. Of several grippers the one that
-    moves farthest counts.
+    Where each failure costs another such plan, this is the way until one succeeds. The chance is the product of trust,
+    as if transitions failed independently. Of several grippers the one that moves farthest counts.
     """
     return float(_moves(problem, plan.states[:-1], plan.actions).sum() / np.prod(plan.trust))
 
@@ -35,32 +37,39 @@ class Shortened(Planner):
     """Plans, then tries straight stretches, `candidates` at once and `rounds` times, and keeps the best plan so far.
 
     The best is trusted throughout, ends in the goal and has the least `expected_length`. A plan that does not reach the
-    goal is returned as it is.
+    goal is returned as it is. Both planning and shortening are within the limits of one attempt.
 
     Args:
         planner: does the planning.
+        settings: the limits of an attempt.
         rounds: how often.
         candidates: plans that are predicted and checked side by side.
     """
 
-    def __init__(self, planner: Planner, rounds: int = 4, candidates: int = 32) -> None:
+    def __init__(
+        self, planner: Planner, settings: SearchSettings = PAPER, rounds: int = 4, candidates: int = 32
+    ) -> None:
         if min(rounds, candidates) < 1:
             raise FairleadError("rounds and candidates must be positive")
-        self.planner, self.rounds, self.candidates = planner, rounds, candidates
+        self.planner, self.settings, self.rounds, self.candidates = planner, settings, rounds, candidates
 
     def plan(
         self, problem: Problem, start: Float[np.ndarray, " state"], meter: Meter, rng: np.random.Generator
     ) -> Plan:
+        allowance = Allowance(self.settings, meter)
         plan = self.planner.plan(problem, start, meter, rng)
-        if plan.outcome is not PlanOutcome.GOAL:
+        if plan.outcome is not PlanOutcome.GOAL or len(plan) < 2:
             return plan
         starts = np.repeat(start[None], PROPOSALS, axis=0)
         reach = float(_moves(problem, starts, problem.sampler.propose(starts, rng)).max())
         for _ in range(self.rounds):
-            if len(plan) < 2 or meter.exhausted:
-                break
             ways = _straightened(problem, plan, reach, self.candidates, rng)
-            plan = _best(problem, plan, ways, _follow(problem, plan, ways, meter))
+            if not len(ways.begins) or allowance.left <= 0:
+                break
+            before = plan
+            plan = _best(problem, plan, ways, _follow(problem, plan, ways, reach, allowance))
+            if len(ways.begins) < self.candidates and plan.actions is before.actions:
+                break
         return plan
 
 
@@ -92,24 +101,28 @@ class _Followed:
     invalid: int
 
 
-def _straightened(problem: Problem, plan: Plan, reach: float, count: int, rng: np.random.Generator) -> _Ways:
-    """So many times the plan with a straight way between two of its states, in steps of equal length up to `reach`."""
+def _straightened(problem: Problem, plan: Plan, reach: float, limit: int, rng: np.random.Generator) -> _Ways:
+    """The plan with a straight way between two of its states, in steps of equal length up to `reach`.
+
+    Each with another pair of states, none of them one action apart; `limit` random ones where there are more.
+    """
     grippers = problem.layout.grippers_of(plan.states)
+    begins, ends = np.triu_indices(len(plan) + 1, k=2)
+    chosen = rng.permutation(len(begins))[:limit]
     found: list[np.ndarray] = []
-    begins = rng.integers(0, len(plan) - 1, size=count)
-    for begin, end in zip(begins, rng.integers(begins + 2, len(plan) + 1), strict=True):
+    for begin, end in zip(begins[chosen], ends[chosen], strict=True):
         way = grippers[end] - grippers[begin]
         steps = max(1, int(np.ceil(np.linalg.norm(way, axis=-1).max() / reach - 1e-9)))
         straight = grippers[begin] + np.linspace(0, 1, steps + 1)[1:, None, None] * way
         found.append(np.concatenate([straight.reshape(steps, -1), plan.actions[end:]]))
-    counts = np.array([len(actions) for actions in found])
-    padded = np.zeros((count, counts.max(), problem.layout.action_size))
+    counts = np.array([len(actions) for actions in found], int)
+    padded = np.zeros((len(found), counts.max(initial=0), problem.layout.action_size))
     for row, actions in zip(padded, found, strict=True):
         row[: len(actions)] = actions
-    return _Ways(begins, counts, padded)
+    return _Ways(begins[chosen], counts, padded)
 
 
-def _follow(problem: Problem, plan: Plan, ways: _Ways, meter: Meter) -> _Followed:
+def _follow(problem: Problem, plan: Plan, ways: _Ways, reach: float, allowance: Allowance) -> _Followed:
     """Predict and check the ways side by side, each as long as it is accepted and not yet in the goal."""
     count, steps = ways.actions.shape[:2]
     states = np.repeat(plan.states[ways.begins][:, None], steps + 1, axis=1)
@@ -117,15 +130,19 @@ def _follow(problem: Problem, plan: Plan, ways: _Ways, meter: Meter) -> _Followe
     reached, going = np.zeros(count, bool), (ways.counts > 0).nonzero()[0]
     encodings = problem.check.encode(problem.environment, states[:, 0])
     for step in range(steps):
-        if not len(going) or meter.exhausted or len(going) > meter.budget.extensions - meter.extensions:
+        left = max(allowance.left, 0)
+        going, encodings = going[:left], encodings[:left]
+        if not len(going):
             break
-        tried = problem.attempt(states[going, step], ways.actions[going, step], encodings)
-        meter.charge_extensions(len(going))
+        before, actions = states[going, step], ways.actions[going, step]
+        tried = problem.attempt(before, actions, encodings)
+        allowance.charge(len(going))
         counts[going] += 1
         invalid += tried.invalid
         states[going, step + 1], trust[going, step] = tried.next_states, tried.trust
-        reached[going] = tried.accepted & problem.goal.reached(tried.next_states)
-        onward = tried.accepted & ~reached[going] & (ways.counts[going] > step + 1)
+        accepted = tried.accepted & (_moves(problem, before, actions) <= reach + SLACK)
+        reached[going] = accepted & problem.goal.reached(tried.next_states)
+        onward = accepted & ~reached[going] & (ways.counts[going] > step + 1)
         going, encodings = going[onward], tried.encodings[onward]
     return _Followed(states, trust, counts, reached, invalid)
 

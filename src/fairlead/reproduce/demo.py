@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from fairlead.core.budget import Budget
-from fairlead.evaluation.bench import TrialsConfig
+from fairlead.evaluation.bench import SHORT, TrialsConfig
 from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
 from fairlead.report.page import write_report
 from fairlead.reproduce.cameras import camera
@@ -31,6 +31,6 @@ def try_methods(scenario: str, scenes: int, budget: Budget, out: Path, workers: 
     """Try the methods of a scenario on its first benchmark scenes, every trial with its trace; `out` is returned."""
     methods = METHODS[scenario]
     config = TrialsConfig(scenario, shipped_models(scenario), benchmark_scenes(scenario), methods, budget,
-                          planner="rrt-middle-short", limit=scenes, traced=scenes, reference=methods[0])  # fmt: skip
+                          planner=SHORT, limit=scenes, traced=scenes, reference=methods[0])  # fmt: skip
     try_all(config, out, workers, bar)
     return out

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from fairlead.core.budget import Budget
 from fairlead.core.errors import UnknownNameError
+from fairlead.evaluation.bench import SHORT
 from fairlead.learning.dynamics import DynamicsConfig
 from fairlead.learning.fit import Stage
 from fairlead.learning.full_dynamics import FullDynamicsConfig
@@ -45,7 +46,7 @@ class Preset:
         dynamics, full_dynamics, trust, trust_sdf, recovery, recovery_sdf: of the models.
         methods: what is tried, the first compared with the others.
         budget: of each trial.
-        planner: of every method; the paper's is "rrt".
+        planner: of every method on the sets of scenes. Tasks and other deltas are tried with the paper's, "rrt".
         obstacles_every: in phase 2 obstacles move after so many trajectories of a lane; the paper's is 8.
         sets: of scenes that are tried, by their names in `scene_sets.SETS`; the first so many of each, None for all.
         seeds: of the trials.
@@ -68,7 +69,7 @@ class Preset:
     recovery_sdf: RecoveryConfig
     methods: tuple[str, ...]
     budget: Budget = field(default_factory=lambda: Budget(seconds=60))
-    planner: str = "rrt-middle-short"
+    planner: str = SHORT
     steps2: int = 0
     obstacles_every: int = 8
     sets: Mapping[str, int | None] = field(default_factory=lambda: {"benchmark": None})
