@@ -25,7 +25,7 @@ from fairlead.planning.ompl import OmplRRT
 from fairlead.planning.problem import Planner, Problem, SearchSettings
 from fairlead.planning.rrt import BatchedRRT
 from fairlead.planning.shorten import Shortened, expected_length
-from toy import BAR, LAYOUT, SAMPLER, BrokenChain, FreeChain, arena, problem, straight, tail_goal
+from toy import BAR, LAYOUT, SAMPLER, BrokenChain, FreeChain, Given, arena, problem, straight, tail_goal
 
 PLANNERS = [BatchedRRT(), BatchedRRT(lanes=7, candidates=20), OmplRRT(), ToTheMiddle(Shortened(BatchedRRT(lanes=7)))]
 NAMES = ["batched", "seven-lanes", "ompl", "middle-short"]
@@ -253,17 +253,6 @@ class TwoPoints(Dynamics):
 
     def predict(self, environment, states, actions):
         return Prediction(actions, np.zeros(len(actions)))
-
-
-@final
-class Given(Planner):
-    """Returns the plan it was given."""
-
-    def __init__(self, found: Plan) -> None:
-        self.found = found
-
-    def plan(self, problem, start, meter, rng):
-        return self.found
 
 
 @settings(max_examples=8, deadline=None)

@@ -7,14 +7,14 @@ from typing import final
 import numpy as np
 
 from fairlead.core.layout import StateLayout
-from fairlead.core.records import ActionOutcome, Executed, Prediction
+from fairlead.core.records import ActionOutcome, Executed, Plan, Prediction
 from fairlead.core.roles import Dynamics, Environment, Goal, World
 from fairlead.geometry.fields import BoxEnvironment
 from fairlead.geometry.goals import PointsGoal, point_goal
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box
 from fairlead.planning.checks import CollisionCheck
-from fairlead.planning.problem import Problem
+from fairlead.planning.problem import Planner, Problem
 
 LAYOUT = StateLayout(("gripper",), 3)
 LINK = 0.1
@@ -106,3 +106,14 @@ class ToyWorld(World):
 
 def problem(environment: BoxEnvironment, goal: Goal, dynamics: Dynamics | None = None) -> Problem:
     return Problem(environment, goal, dynamics or FreeChain(), CollisionCheck(LAYOUT, RADIUS), SAMPLER)
+
+
+@final
+class Given(Planner):
+    """Returns the plan it was given."""
+
+    def __init__(self, found: Plan) -> None:
+        self.found = found
+
+    def plan(self, problem, start, meter, rng):
+        return self.found

@@ -79,7 +79,7 @@ class ActionSampler(ABC):
     def allows(
         self, states: Float[np.ndarray, "batch state"], actions: Float[np.ndarray, "batch action"]
     ) -> Bool[np.ndarray, " batch"]:
-        """Which actions may be planned at all, whoever thought of them; by default all."""
+        """Which actions may be chosen by others than this sampler, too; by default all."""
         return np.ones(len(states), bool)
 
 

@@ -65,8 +65,10 @@ class CutShort:
 
 @final
 class UntriedActions(ActionSampler):
-    """Another sampler's actions, drawn anew where they lead as one did that was cut short; no such action is allowed in
-    a plan."""
+    """Another sampler's actions, drawn anew where they lead as one did that was cut short.
+
+    A repeated action is not drawn, and is not looked at: to forbid it would leave a method without recovery stuck.
+    """
 
     def __init__(self, inner: ActionSampler, tried: CutShort) -> None:
         self.inner, self.tried = inner, tried

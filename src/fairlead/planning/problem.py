@@ -56,8 +56,7 @@ class Problem:
     ) -> Tried:
         """Predict and check transitions: one call of the dynamics, one `encode` and one `probability`.
 
-        Accepted: allowed by the sampler, predicted within bounds, with a probability above 0.5. What is not finite is
-        rejected, and counted.
+        Accepted: predicted within bounds, with a probability above 0.5. What is not finite is rejected, and counted.
         """
         prediction = self.dynamics.predict(self.environment, states, actions)
         mean, spread = prediction.mean, prediction.spread
@@ -67,7 +66,7 @@ class Problem:
         next_encodings = self.check.encode(self.environment, mean)
         transitions = Transitions(states, actions, mean, spread)
         trust = self.check.probability(self.environment, transitions, encodings, next_encodings)
-        accepted = finite & self.inside(mean) & (trust > 0.5) & self.sampler.allows(states, actions)
+        accepted = finite & self.inside(mean) & (trust > 0.5)
         return Tried(mean, next_encodings, trust, accepted, int((~finite | np.isnan(trust)).sum()))
 
 

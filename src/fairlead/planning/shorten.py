@@ -140,7 +140,8 @@ def _follow(problem: Problem, plan: Plan, ways: _Ways, reach: float, allowance: 
         counts[going] += 1
         invalid += tried.invalid
         states[going, step + 1], trust[going, step] = tried.next_states, tried.trust
-        accepted = tried.accepted & (_moves(problem, before, actions) <= reach + SLACK)
+        allowed = problem.sampler.allows(before, actions) & (_moves(problem, before, actions) <= reach + SLACK)
+        accepted = tried.accepted & allowed
         reached[going] = accepted & problem.goal.reached(tried.next_states)
         onward = accepted & ~reached[going] & (ways.counts[going] > step + 1)
         going, encodings = going[onward], tried.encodings[onward]
