@@ -17,6 +17,7 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.records import Plan, PlanOutcome, Prediction, Transitions
 from fairlead.core.roles import Dynamics, TransitionCheck
 from fairlead.core.streams import stream
+from fairlead.geometry.goals import point_goal
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.geometry.shapes import Box
 from fairlead.planning.checks import AcceptAll
@@ -264,7 +265,7 @@ def test_shortening_never_lengthens_what_is_expected_and_pays_for_each_transitio
     assert short.outcome is PlanOutcome.GOAL
     assert expected_length(short, task) < expected_length(found, task)
     assert short.extensions - found.extensions == spent.extensions
-    assert task.goal.reached(short.states).tolist() == [False] * len(short) + [True]
+    assert task.goal.reached(short.states[-1])
     again = task.attempt(short.states[:-1], short.actions, task.check.encode(task.environment, short.states[:-1]))
     assert again.accepted.all()
     assert np.allclose(again.next_states, short.states[1:])
@@ -281,18 +282,21 @@ def test_shortening_makes_a_detour_straight():
     for action in detour:
         states.append(task.dynamics.predict(task.environment, states[-1][None], action[None]).mean[0])
     found = Plan(PlanOutcome.GOAL, np.stack(states), detour, np.ones(15), 15, 16)
-    task = replace(task, goal=tail_goal(*states[-1][3:5], radius=0.2))
+    task = replace(task, goal=point_goal(LAYOUT, "gripper", tuple(detour[-1]), 0.05))
     short = Shortened(Given(found), rounds=16).plan(task, START, meter(), stream(0))
     straight_m = np.linalg.norm(detour[-1] - START[:3])
-    assert expected_length(found, task) > 1.5 * straight_m
-    assert expected_length(short, task) < 1.1 * straight_m
+    before, after = (np.linalg.norm(np.diff(p.states[:, :3], axis=0), axis=1).sum() for p in (found, short))
+    assert before > 1.5 * straight_m
+    assert after < 1.1 * straight_m
 
 
-def test_expected_length_is_the_way_of_the_farthest_gripper_over_the_chance():
+@pytest.mark.parametrize(("off", "chance"), [(0.0, 1.0), (0.02, 0.8), (0.05, 0.5)])
+def test_expected_length_is_the_way_of_the_farthest_gripper_over_the_chance(off, chance):
+    goal = point_goal(TwoPoints.layout, "left", (0.3 + off, 0.4, 0.0), 0.05)
     states = np.array([[0, 0, 0, 1, 0, 0], [0.3, 0.4, 0, 1, 0, 0], [0.3, 0.4, 0, 1, 0, 0.2]], float)
     plan = Plan(PlanOutcome.GOAL, states, states[1:], np.array([0.8, 0.5]), 2, 3)
-    task = problem(arena(), tail_goal(0.5, 0.1), TwoPoints())
-    assert expected_length(plan, task) == pytest.approx((0.5 + 0.2) / (0.8 * 0.5))
+    task = problem(arena(), goal, TwoPoints())
+    assert expected_length(plan, task) == pytest.approx((0.5 + 0.2) / (0.8 * 0.5 * chance))
 
 
 @pytest.mark.parametrize("left", [1, 40, 500])
@@ -309,17 +313,17 @@ def test_shortening_keeps_within_the_limits_of_the_attempt_and_of_the_trial(left
     assert late.extensions == 0
 
 
-def test_a_plan_of_two_actions_has_one_candidate_and_one_of_one_action_none():
+def test_the_end_of_a_plan_of_one_action_is_moved():
     task = replace(problem(arena(), tail_goal(0.5, 0.0)), check=AcceptAll())
-    states = [START, *(FreeChain().predict(task.environment, START[None], START[None, :3] + [[x, 0, 0]]).mean[0]
-                       for x in (0.05, 0.1))]  # fmt: skip
-    task = replace(task, goal=tail_goal(*states[2][3:5], radius=0.01))
-    for actions, asked in ((1, 0), (2, 1)):
-        kept = np.stack(states[: actions + 1] if actions == 2 else [states[0], states[2]])
-        plan, spent = Plan(PlanOutcome.GOAL, kept, kept[1:, :3], np.ones(actions), 0, 3), meter()
-        Shortened(Given(plan)).plan(task, START, spent, stream(0))
-        assert (spent.extensions > 0) == bool(asked)
-        assert spent.extensions <= 2 * asked
+    action = START[None, :3] + [[0.1, 0, 0]]
+    end = FreeChain().predict(task.environment, START[None], action).mean
+    task = replace(task, goal=tail_goal(*(end[0, 3:5] + [0.0, 0.04]), radius=0.05))
+    plan, spent = Plan(PlanOutcome.GOAL, np.stack([START, end[0]]), action, np.ones(1), 0, 3), meter()
+    short = Shortened(Given(plan), rounds=3, candidates=16).plan(task, START, spent, stream(0))
+    assert len(short) == 1
+    assert np.linalg.norm(short.actions - action) <= task.goal.tolerance
+    assert expected_length(short, task) < expected_length(plan, task)
+    assert spent.extensions == short.extensions == 3 * 16
 
 
 def test_a_plan_that_misses_the_goal_is_left_as_it_is():

@@ -1,7 +1,8 @@
-"""A planner that shortens what another finds: an RRT's plan wanders, and each of its actions adds time and drift.
+"""A planner that betters what another finds: an RRT's plan wanders and ends at the rim of the goal.
 
-Not in the paper. Stretches of a plan are replaced by straight ones, and everything after them is predicted and checked
-anew: shortcutting (Geraerts and Overmars, 2007) for a model in which nothing but the grippers stays where it was.
+Not in the paper. Stretches of a plan are replaced by straight ones, its end is moved a little, and everything after a
+change is predicted and checked anew: shortcutting (Geraerts and Overmars, 2007) for a model in which nothing but the
+grippers stays where it was.
 """
 
 from __future__ import annotations
@@ -24,17 +25,20 @@ SLACK = 0.01
 
 
 def expected_length(plan: Plan, problem: Problem) -> float:
-    """How far the grippers move [m], over the chance that all of the plan is reliable.
+    """How far the grippers move [m], over the chance that the plan succeeds.
 
     Where each failure costs another such plan, this is the way until one succeeds. The chance is the product of trust,
-    as if transitions failed independently. Of several grippers the one that moves farthest counts.
+    as if transitions failed independently, and that a plan which is executed as predicted, more or less, ends in the
+    goal: 1 from its middle, a half from its rim. Of several grippers the one that moves farthest counts.
     """
-    return float(_moves(problem, plan.states[:-1], plan.actions).sum() / np.prod(plan.trust))
+    error, tolerance = float(problem.goal.error(plan.states[-1])), problem.goal.tolerance
+    chance = np.prod(plan.trust) * (1 - error / tolerance / 2 if tolerance > 0 else 1)
+    return float(_moves(problem, plan.states[:-1], plan.actions).sum() / chance)
 
 
 @final
 class Shortened(Planner):
-    """Plans, then tries straight stretches, `candidates` at once and `rounds` times, and keeps the best plan so far.
+    """Plans, then tries changes of the plan, `candidates` at once and `rounds` times, and keeps the best plan so far.
 
     The best is trusted throughout, ends in the goal and has the least `expected_length`. A plan that does not reach the
     goal is returned as it is. Both planning and shortening are within the limits of one attempt.
@@ -58,18 +62,15 @@ class Shortened(Planner):
     ) -> Plan:
         allowance = Allowance(self.settings, meter)
         plan = self.planner.plan(problem, start, meter, rng)
-        if plan.outcome is not PlanOutcome.GOAL or len(plan) < 2:
+        if plan.outcome is not PlanOutcome.GOAL or not len(plan):
             return plan
         starts = np.repeat(start[None], PROPOSALS, axis=0)
         reach = float(_moves(problem, starts, problem.sampler.propose(starts, rng)).max())
         for _ in range(self.rounds):
-            ways = _straightened(problem, plan, reach, self.candidates, rng)
-            if not len(ways.begins) or allowance.left <= 0:
+            if allowance.left <= 0:
                 break
-            before = plan
+            ways = _changed(problem, plan, reach, self.candidates, rng)
             plan = _best(problem, plan, ways, _follow(problem, plan, ways, reach, allowance))
-            if len(ways.begins) < self.candidates and plan.actions is before.actions:
-                break
         return plan
 
 
@@ -92,42 +93,48 @@ class _Ways:
 
 @dataclass(frozen=True)
 class _Followed:
-    """Where the ways lead: `counts` transitions were checked, all of them are accepted where the goal is `reached`."""
+    """Where the ways lead: `counts` transitions were checked; up to where the goal is `reached` all are accepted."""
 
     states: Float[np.ndarray, "way step_and_one state"]
     trust: Float[np.ndarray, "way step"]
     counts: Int[np.ndarray, " way"]
-    reached: Bool[np.ndarray, " way"]
+    reached: Bool[np.ndarray, "way step"]
     invalid: int
 
 
-def _straightened(problem: Problem, plan: Plan, reach: float, limit: int, rng: np.random.Generator) -> _Ways:
-    """The plan with a straight way between two of its states, in steps of equal length up to `reach`.
+def _changed(problem: Problem, plan: Plan, reach: float, count: int, rng: np.random.Generator) -> _Ways:
+    """So many times the plan with a straight way between two of its states, in steps of equal length up to `reach`.
 
-    Each with another pair of states, none of them one action apart; `limit` random ones where there are more.
+    As many pairs of states as there are; in at least half of the ways the last action is moved besides, at random,
+    by no more than the goal's tolerance.
     """
     grippers = problem.layout.grippers_of(plan.states)
-    begins, ends = np.triu_indices(len(plan) + 1, k=2)
-    chosen = rng.permutation(len(begins))[:limit]
+    begins, ends = np.triu_indices(len(plan) + 1, k=1)
+    pairs = np.resize(rng.permutation(len(begins)), count)
+    last = np.repeat(plan.states[-1:], count, axis=0)
+    moved = problem.sampler.propose(last, rng) - last[:, : problem.layout.action_size]
+    moved *= min(1.0, problem.goal.tolerance / reach)
+    moved[: min(count // 2, len(begins))] = 0
     found: list[np.ndarray] = []
-    for begin, end in zip(begins[chosen], ends[chosen], strict=True):
+    for begin, end, move in zip(begins[pairs], ends[pairs], moved, strict=True):
         way = grippers[end] - grippers[begin]
         steps = max(1, int(np.ceil(np.linalg.norm(way, axis=-1).max() / reach - 1e-9)))
         straight = grippers[begin] + np.linspace(0, 1, steps + 1)[1:, None, None] * way
         found.append(np.concatenate([straight.reshape(steps, -1), plan.actions[end:]]))
-    counts = np.array([len(actions) for actions in found], int)
-    padded = np.zeros((len(found), counts.max(initial=0), problem.layout.action_size))
+        found[-1][-1] += move
+    counts = np.array([len(actions) for actions in found])
+    padded = np.zeros((count, counts.max(), problem.layout.action_size))
     for row, actions in zip(padded, found, strict=True):
         row[: len(actions)] = actions
-    return _Ways(begins[chosen], counts, padded)
+    return _Ways(begins[pairs], counts, padded)
 
 
 def _follow(problem: Problem, plan: Plan, ways: _Ways, reach: float, allowance: Allowance) -> _Followed:
-    """Predict and check the ways side by side, each as long as it is accepted and not yet in the goal."""
+    """Predict and check the ways side by side, each as long as it is accepted."""
     count, steps = ways.actions.shape[:2]
     states = np.repeat(plan.states[ways.begins][:, None], steps + 1, axis=1)
     trust, counts, invalid = np.ones((count, steps)), np.zeros(count, int), 0
-    reached, going = np.zeros(count, bool), (ways.counts > 0).nonzero()[0]
+    reached, going = np.zeros((count, steps), bool), np.flatnonzero(ways.counts)
     encodings = problem.check.encode(problem.environment, states[:, 0])
     for step in range(steps):
         left = max(allowance.left, 0)
@@ -142,17 +149,17 @@ def _follow(problem: Problem, plan: Plan, ways: _Ways, reach: float, allowance: 
         states[going, step + 1], trust[going, step] = tried.next_states, tried.trust
         allowed = problem.sampler.allows(before, actions) & (_moves(problem, before, actions) <= reach + SLACK)
         accepted = tried.accepted & allowed
-        reached[going] = accepted & problem.goal.reached(tried.next_states)
-        onward = accepted & ~reached[going] & (ways.counts[going] > step + 1)
+        reached[going, step] = accepted & problem.goal.reached(tried.next_states)
+        onward = accepted & (ways.counts[going] > step + 1)
         going, encodings = going[onward], tried.encodings[onward]
     return _Followed(states, trust, counts, reached, invalid)
 
 
 def _best(problem: Problem, plan: Plan, ways: _Ways, followed: _Followed) -> Plan:
-    """The plan, or the way with a less expected length that reaches the goal."""
+    """The plan, or the way with a less expected length, up to where it is in the goal."""
     best, least = plan, expected_length(plan, problem)
-    for way in followed.reached.nonzero()[0]:
-        begin, count = ways.begins[way], followed.counts[way]
+    for way, step in zip(*followed.reached.nonzero(), strict=True):
+        begin, count = ways.begins[way], step + 1
         found = replace(
             plan,
             states=np.concatenate([plan.states[:begin], followed.states[way, : count + 1]]),
