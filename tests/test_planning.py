@@ -309,7 +309,7 @@ def test_shortening_keeps_within_the_limits_of_the_attempt_and_of_the_trial(left
         assert short.extensions - found.extensions == spent.extensions
         assert 0 < spent.extensions <= left
     late = Meter(Budget(seconds=1), lambda: 0.0, planning_s=1)
-    assert Shortened(Given(found)).plan(task, START, late, stream(0)) is found
+    assert np.array_equal(Shortened(Given(found)).plan(task, START, late, stream(0)).actions, found.actions)
     assert late.extensions == 0
 
 
@@ -326,9 +326,16 @@ def test_the_end_of_a_plan_of_one_action_is_moved():
     assert spent.extensions == short.extensions == 3 * 16
 
 
-def test_a_plan_that_misses_the_goal_is_left_as_it_is():
+@pytest.mark.parametrize(("radius", "outcome"), [(1e-6, PlanOutcome.PARTIAL), (None, PlanOutcome.GOAL)])
+def test_a_plan_that_misses_the_goal_is_brought_nearer_and_in_where_it_can_be(radius, outcome):
     task = problem(arena(BAR), tail_goal(0.5, 0.1, radius=1e-6))
-    found, spent = BatchedRRT().plan(task, START, meter(400), stream(0)), meter()
+    found = BatchedRRT().plan(task, START, meter(4000), stream(0))
     assert found.outcome is PlanOutcome.PARTIAL
-    assert Shortened(Given(found)).plan(task, START, spent, stream(0)) is found
-    assert spent.extensions == 0
+    missed = float(task.goal.error(found.states[-1]))
+    task = replace(task, goal=tail_goal(0.5, 0.1, radius=radius or missed - 0.005))
+    spent = meter()
+    short = Shortened(Given(found)).plan(task, START, spent, stream(0))
+    assert short.outcome is outcome
+    assert task.goal.error(short.states[-1]) < missed
+    assert short.extensions - found.extensions == spent.extensions > 0
+    assert (short.trust > 0.5).all()

@@ -35,8 +35,8 @@ SHORT = "rrt-middle-short"
 PLANNERS: dict[str, Callable[[SearchSettings], Planner]] = {
     "rrt": BatchedRRT,
     "rrt-middle": lambda settings: ToTheMiddle(BatchedRRT(settings)),
-    "rrt-short": lambda settings: Shortened(BatchedRRT(settings), settings),
-    SHORT: lambda settings: ToTheMiddle(Shortened(BatchedRRT(settings), settings)),
+    "rrt-short": lambda settings: Shortened(BatchedRRT(settings.scaled(0.8)), settings),
+    SHORT: lambda settings: ToTheMiddle(Shortened(BatchedRRT(settings.scaled(0.8)), settings)),
     "ompl": OmplRRT,
 }
 """Called with the limits of a planning attempt. Others come by entry points in `fairlead.planners`."""

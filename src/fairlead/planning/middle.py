@@ -42,8 +42,6 @@ class Middle(Goal):
 class ToTheMiddle(Planner):
     """Plans to the middle of the goal. Where time runs out first, the plan that ends nearest may still end in the goal.
 
-    Such a plan is taken as the inner planner left it: one that shortens plans has left it as it was.
-
     Args:
         planner: does the planning.
         share: of the goal's tolerance.

@@ -95,7 +95,7 @@ class SearchSettings:
             raise FairleadError("repeats, stuck_attempts, attempt_seconds and attempt_extensions must be positive")
 
     def scaled(self, factor: float) -> SearchSettings:
-        """The same with attempts so many times as long, for a trial with so many times the budget."""
+        """The same with attempts so many times as long."""
         return replace(
             self,
             attempt_seconds=factor * self.attempt_seconds,

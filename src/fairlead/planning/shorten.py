@@ -32,7 +32,7 @@ def expected_length(plan: Plan, problem: Problem) -> float:
     goal: 1 from its middle, a half from its rim. Of several grippers the one that moves farthest counts.
     """
     error, tolerance = float(problem.goal.error(plan.states[-1])), problem.goal.tolerance
-    chance = np.prod(plan.trust) * (1 - error / tolerance / 2 if tolerance > 0 else 1)
+    chance = np.prod(plan.trust) * (1 - min(error / tolerance, 1) / 2 if tolerance > 0 else 1)
     return float(_moves(problem, plan.states[:-1], plan.actions).sum() / chance)
 
 
@@ -40,8 +40,8 @@ def expected_length(plan: Plan, problem: Problem) -> float:
 class Shortened(Planner):
     """Plans, then tries changes of the plan, `candidates` at once and `rounds` times, and keeps the best plan so far.
 
-    The best is trusted throughout, ends in the goal and has the least `expected_length`. A plan that does not reach the
-    goal is returned as it is. Both planning and shortening are within the limits of one attempt.
+    The best is trusted throughout, ends in the goal and has the least `expected_length`; as long as none ends in the
+    goal, it is the one that ends nearest. Both planning and shortening are within the limits of one attempt.
 
     Args:
         planner: does the planning.
@@ -62,7 +62,7 @@ class Shortened(Planner):
     ) -> Plan:
         allowance = Allowance(self.settings, meter)
         plan = self.planner.plan(problem, start, meter, rng)
-        if plan.outcome is not PlanOutcome.GOAL or not len(plan):
+        if not len(plan):
             return plan
         starts = np.repeat(start[None], PROPOSALS, axis=0)
         reach = float(_moves(problem, starts, problem.sampler.propose(starts, rng)).max())
@@ -71,7 +71,7 @@ class Shortened(Planner):
                 break
             ways = _changed(problem, plan, reach, self.candidates, rng)
             plan = _best(problem, plan, ways, _follow(problem, plan, ways, reach, allowance))
-        return plan
+        return replace(plan, outcome=PlanOutcome.GOAL) if problem.goal.reached(plan.states[-1]) else plan
 
 
 def _moves(
@@ -93,12 +93,12 @@ class _Ways:
 
 @dataclass(frozen=True)
 class _Followed:
-    """Where the ways lead: `counts` transitions were checked; up to where the goal is `reached` all are accepted."""
+    """Where the ways lead: `counts` transitions were checked; up to an `accepted` one all are."""
 
     states: Float[np.ndarray, "way step_and_one state"]
     trust: Float[np.ndarray, "way step"]
     counts: Int[np.ndarray, " way"]
-    reached: Bool[np.ndarray, "way step"]
+    accepted: Bool[np.ndarray, "way step"]
     invalid: int
 
 
@@ -134,7 +134,7 @@ def _follow(problem: Problem, plan: Plan, ways: _Ways, reach: float, allowance: 
     count, steps = ways.actions.shape[:2]
     states = np.repeat(plan.states[ways.begins][:, None], steps + 1, axis=1)
     trust, counts, invalid = np.ones((count, steps)), np.zeros(count, int), 0
-    reached, going = np.zeros((count, steps), bool), np.flatnonzero(ways.counts)
+    accepted, going = np.zeros((count, steps), bool), np.flatnonzero(ways.counts)
     encodings = problem.check.encode(problem.environment, states[:, 0])
     for step in range(steps):
         left = max(allowance.left, 0)
@@ -148,17 +148,22 @@ def _follow(problem: Problem, plan: Plan, ways: _Ways, reach: float, allowance: 
         invalid += tried.invalid
         states[going, step + 1], trust[going, step] = tried.next_states, tried.trust
         allowed = problem.sampler.allows(before, actions) & (_moves(problem, before, actions) <= reach + SLACK)
-        accepted = tried.accepted & allowed
-        reached[going, step] = accepted & problem.goal.reached(tried.next_states)
-        onward = accepted & (ways.counts[going] > step + 1)
+        accepted[going, step] = tried.accepted & allowed
+        onward = accepted[going, step] & (ways.counts[going] > step + 1)
         going, encodings = going[onward], tried.encodings[onward]
-    return _Followed(states, trust, counts, reached, invalid)
+    return _Followed(states, trust, counts, accepted, invalid)
 
 
 def _best(problem: Problem, plan: Plan, ways: _Ways, followed: _Followed) -> Plan:
-    """The plan, or the way with a less expected length, up to where it is in the goal."""
-    best, least = plan, expected_length(plan, problem)
-    for way, step in zip(*followed.reached.nonzero(), strict=True):
+    """The best of the plan and of all beginnings of the ways."""
+
+    def cost(of: Plan) -> tuple[float, float]:
+        end = of.states[-1]
+        return 0.0 if problem.goal.reached(end) else float(problem.goal.error(end)), expected_length(of, problem)
+
+    best, least = plan, cost(plan)
+    near = problem.goal.error(followed.states[:, 1:]) <= max(least[0], problem.goal.tolerance)
+    for way, step in zip(*(followed.accepted & near).nonzero(), strict=True):
         begin, count = ways.begins[way], step + 1
         found = replace(
             plan,
@@ -166,7 +171,7 @@ def _best(problem: Problem, plan: Plan, ways: _Ways, followed: _Followed) -> Pla
             actions=np.concatenate([plan.actions[:begin], ways.actions[way, :count]]),
             trust=np.concatenate([plan.trust[:begin], followed.trust[way, :count]]),
         )
-        if (length := expected_length(found, problem)) < least:
+        if (length := cost(found)) < least:
             best, least = found, length
     return replace(
         best, extensions=plan.extensions + int(followed.counts.sum()), invalid=plan.invalid + followed.invalid
