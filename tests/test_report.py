@@ -191,13 +191,28 @@ def test_points_are_where_the_camera_shows_them() -> None:
     """A gripper's red dot is drawn where its position is projected to."""
     world = scenario("dual_arm")
     scene = world.scenes(benchmark_scenes("dual_arm")).scenes[0]
-    with camera("dual_arm", scene.written(), 200) as found:
+    with camera({"scenario": "dual_arm"}, scene.written(), 200) as found:
         if found is None:
             pytest.skip("nothing can be rendered here: fairlead doctor says what is missing")
         picture, state = found.frame(scene.state(world.layout)), scene.state(world.layout)
         for x, y in (found.project(world.layout.grippers_of(state)) * 200).astype(int):
             near = picture[y - 2 : y + 3, x - 2 : x + 3].reshape(-1, 3).astype(int)
             assert (near[:, 0] > near[:, 1:].max(axis=1) + 60).any()
+
+
+def test_the_arms_that_carry_a_trial_out_are_drawn() -> None:
+    """Where other arms than those of training execute, pictures show the others."""
+    world = scenario("dual_arm")
+    scene = world.scenes(benchmark_scenes("dual_arm")).scenes[0]
+    pictures = []
+    for differences in ("", "friction=0.5", "arms=panda"):
+        with camera({"scenario": "dual_arm", "differences": differences}, scene.written(), 200) as found:
+            if found is None:
+                pytest.skip("nothing can be rendered here: fairlead doctor says what is missing")
+            pictures.append(found.frame(scene.state(world.layout)))
+    same, panda = (np.abs(pictures[0].astype(int) - other).max(axis=2) > 60 for other in pictures[1:])
+    assert not same.any()
+    assert panda.mean() > 0.02
 
 
 def test_a_movie_shows_first_what_tells_most(trials: Path, tmp_path: Path) -> None:

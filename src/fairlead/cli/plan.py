@@ -68,7 +68,7 @@ class Command:
         scene = bench.scenes.scene(self.scene)
         row = bench.run(Job(self.method, scene.name, self.seed, self.trace))
         if self.video is not None:
-            with panels(self.scenario, scene.written(), {self.method: self.trace}, camera) as single:
+            with panels({"scenario": self.scenario}, scene.written(), {self.method: self.trace}, camera) as single:
                 write_video(self.video, single)
             row["video"] = str(self.video)
         if self.export is not None:

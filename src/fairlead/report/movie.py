@@ -107,13 +107,12 @@ def _card(card: Card) -> Iterator[Image.Image]:
 
 def _take(take: Take, cameras: Cameras) -> Iterator[Image.Image]:
     scene = next(scene for scene in take.trials.scenes if scene["name"] == take.scene)
-    scenario = take.trials.config["scenario"]
     traces = {method: take.trials.folder / "traces" / method / f"{take.scene}-{take.seed}" for method in take.methods}
     blank = _blank()
     _write(blank, (GAP, 14), (f"{take.scene}: {take.caption}",), 18, MUTED)
     _write(blank, (SIDE + 3 * GAP, CAPTION + HEAD + 60), take.beside, 19)
     blank = _sized(blank)
-    with panels(scenario, scene, traces, cameras) as side_by_side:
+    with panels(take.trials.config, scene, traces, cameras) as side_by_side:
         views, speed = within(together(side_by_side), LONGEST_S)
         for shown in views:
             image = blank.copy()

@@ -145,7 +145,7 @@ def trial_section(trials: TrialSet, save: Figures, clips: list[Clip], cameras: C
 def _trial_pictures(trials: TrialSet, save: Figures, seconds: float, cameras: Cameras) -> list[Picture]:
     """The first scene through the camera, if there is one, and the figures; `seconds` is the budget of a trial [s]."""
     name, first = trials.name, trials.scenes[0]
-    image = photograph(trials.config["scenario"], first, cameras)
+    image = photograph(trials.config, first, cameras)
     caption = f"Scene {first['name']} at its start, and its goal."
     found = [] if image is None else [save.save_photograph(f"{name}-scene", image, caption)]
     longest = max((row["reached_at_s"] or 0.0 for row in trials.rows), default=0.0)

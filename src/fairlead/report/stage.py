@@ -36,18 +36,19 @@ class Camera(Protocol):
         ...
 
 
-Cameras = Callable[[str, Mapping[str, Any], int], AbstractContextManager[Camera | None]]
-"""Opens the camera for a scenario and a scene (as a scene file writes it), of that side [pixels]; None: from above."""
+Cameras = Callable[[Mapping[str, Any], Mapping[str, Any], int], AbstractContextManager[Camera | None]]
+"""Opens the camera for trials of a configuration (`scenario`, and `differences` where there are any) in a scene (as a
+scene file writes it), of that side [pixels]; None: from above."""
 
 
-def no_camera(scenario: str, scene: Mapping[str, Any], side: int) -> AbstractContextManager[Camera | None]:
+def no_camera(config: Mapping[str, Any], scene: Mapping[str, Any], side: int) -> AbstractContextManager[Camera | None]:
     """Everything is seen from above."""
     return nullcontext(None)
 
 
-def photograph(scenario: str, scene: Mapping[str, Any], cameras: Cameras) -> Image.Image | None:
+def photograph(config: Mapping[str, Any], scene: Mapping[str, Any], cameras: Cameras) -> Image.Image | None:
     """A scene at its start; None where there is no camera for it."""
-    with cameras(scenario, scene, 2 * SIDE) as camera:
+    with cameras(config, scene, 2 * SIDE) as camera:
         if camera is None:
             return None
         return Image.fromarray(camera.frame(np.array([*scene["grippers"].values(), *scene["rope"]], float).ravel()))

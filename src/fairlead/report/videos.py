@@ -35,27 +35,27 @@ class Clip:
 
 @contextmanager
 def panels(
-    scenario: str, scene: Mapping[str, Any], traces: Mapping[str, Path], cameras: Cameras
+    config: Mapping[str, Any], scene: Mapping[str, Any], traces: Mapping[str, Path], cameras: Cameras
 ) -> Iterator[list[Panel]]:
-    """The parts of a video of trials in one scene (as a scene file writes it), from their traces by title."""
+    """The parts of a video of trials of a configuration in one scene, from their traces by title; as `Cameras` says."""
     with ExitStack() as opened:
         found = []
         for title, folder in traces.items():
             trace = read_trace(folder)
             points = followed(scene["goal"], trace.layout)
-            camera = opened.enter_context(cameras(scenario, scene, SIDE))
+            camera = opened.enter_context(cameras(config, scene, SIDE))
             found.append(Panel(recording(trace, title, points), scene, points, camera))
         yield found
 
 
 @contextmanager
 def foretold(
-    scenario: str, scene: Mapping[str, Any], method: str, trace: Path, cameras: Cameras
+    config: Mapping[str, Any], scene: Mapping[str, Any], method: str, trace: Path, cameras: Cameras
 ) -> Iterator[list[Panel]]:
     """The parts of a video of one trial: what its plans predicted, and beside it what happened."""
     with (
-        panels(scenario, scene, {f"{method}: executed": trace}, cameras) as (executed,),
-        cameras(scenario, scene, SIDE) as camera,
+        panels(config, scene, {f"{method}: executed": trace}, cameras) as (executed,),
+        cameras(config, scene, SIDE) as camera,
     ):
         predicted = as_predicted(executed.recording, f"{method}: predicted")
         yield [Panel(predicted, scene, executed.points, camera), executed]
@@ -97,7 +97,7 @@ def make_videos(trials: TrialSet, folder: Path, cameras: Cameras) -> list[Clip]:
     for number, (caption, methods, (scene, seed)) in enumerate(choose(trials)):
         path = folder / f"{trials.name}-{number}.mp4"
         traces = {method: trials.folder / "traces" / method / f"{scene}-{seed}" for method in methods}
-        show = trials.config["scenario"], scenes[scene]
+        show = trials.config, scenes[scene]
         pair = panels(*show, traces, cameras) if len(methods) > 1 else foretold(*show, *traces.popitem(), cameras)
         with pair as side_by_side:
             write_video(path, side_by_side)

@@ -8,18 +8,22 @@ from typing import Any
 
 from fairlead.core.errors import FairleadError
 from fairlead.report.stage import Camera
+from fairlead.scenarios.other_world import Differences, with_arms_of
 from fairlead.scenarios.registry import scenario as find_scenario
 from fairlead.scenarios.scene_files import scene_from
 
 
 @contextmanager
-def camera(scenario: str, scene: Mapping[str, Any], side: int, shadows: bool = False) -> Iterator[Camera | None]:
-    """A renderer of the scene with that side [pixels].
+def camera(
+    config: Mapping[str, Any], scene: Mapping[str, Any], side: int, shadows: bool = False
+) -> Iterator[Camera | None]:
+    """A renderer of the scene with that side [pixels], with the arms that carry out trials of the configuration.
 
     None where everything moves in a plane among things all alike, which is seen best from above, and where nothing can
     be rendered: a video from above is better than none.
     """
-    world = find_scenario(scenario)
+    differences = config.get("differences")
+    world = with_arms_of(find_scenario(config["scenario"]), Differences.parse(differences) if differences else None)
     placed = scene_from(scene, world.layout)
     with ExitStack() as opened:
         found = None
