@@ -139,14 +139,14 @@ _DUAL_DESK = Preset(
     phase1=1024, phase2=512, full=1024,
     dynamics=DynamicsConfig(planar=False, stages=(Stage(40, 128, 2e-3), Stage(4, 128, 5e-4, 4))),
     full_dynamics=FullDynamicsConfig(planar=False, grid=COARSE_GRID_3D, stages=(Stage(8, 64),)),
-    trust=TrustConfig("voxel", planar=False, delta_m=0.025, hidden=128, grid=COARSE_GRID_3D, limit=8000,
-                      stages=(Stage(6, 64),)),
+    trust=TrustConfig("voxel", planar=False, delta_m=0.025, hidden=128, grid=COARSE_GRID_3D, limit=25_000,
+                      stages=(Stage(3, 64),)),
     trust_sdf=TrustConfig("sdf", planar=False, delta_m=0.025, limit=100_000, stages=(Stage(6, 256),)),
     recovery=RecoveryConfig(limit=1500),
     recovery_sdf=RecoveryConfig(limit=10_000, discount=0.8, stages=(Stage(16, 128),)),
     methods=("trust+recovery", "trust+random-recovery", "trust", "trust-sdf+recovery", "accept-all", "accept-all+arms",
              "full-dynamics", "collision-check", "spread-threshold"),
-    obstacles_every=2, sets=_SOME,
+    obstacles_every=2, sets={"benchmark": 16, "hard": 8},
 )  # fmt: skip
 
 _DUAL_PAPER = Preset(
