@@ -17,7 +17,7 @@ from safetensors.torch import load_file
 from fairlead.core.artifacts import read_jsonl, read_manifest
 from fairlead.core.budget import Budget
 from fairlead.core.errors import ArtifactError, UnknownNameError
-from fairlead.evaluation.bench import TrialsConfig
+from fairlead.evaluation.bench import SHORT, TrialsConfig
 from fairlead.evaluation.shipped import benchmark_scenes
 from fairlead.execution.trial import Protocol
 from fairlead.learning.registry import load_delta
@@ -96,11 +96,16 @@ def test_each_set_is_a_folder_and_only_stuck_methods_without_recovery_meet_the_p
 
     monkeypatch.setattr(trials, "try_all", try_all)
     wanted = replace(SMOKE, methods=tuple(stuck), sets={"hard": None, "authors": 3}, seeds=(4, 5), both_protocols=True,
-                     counted=Budget(extensions=7))  # fmt: skip
+                     counted=Budget(extensions=7), planner="rrt", improved=("accept-all", "trust"))  # fmt: skip
     scenes = benchmark_scenes("dragging")
     trials.try_sets(DRAGGING, wanted, tmp_path, {"hard": scenes, "authors": scenes}, tmp_path, 1, _no_bar)
     papers = {"hard-protocol-paper", "authors-protocol-paper"}
-    assert set(tried) == {"hard", "hard-counted", "authors", *papers}
+    shorts = {"hard-short", "authors-short"}
+    assert set(tried) == {"hard", "hard-counted", "authors", *papers, *shorts}
+    assert {name for name, config in tried.items() if config.planner == SHORT} == shorts
+    assert {(tried[n].methods, tried[n].seeds, tried[n].reference) for n in shorts} == {
+        (("accept-all", "trust"), (0, 1, 2), "accept-all")
+    }
     assert {tried[name].methods for name in papers} == {("trust",)}
     assert {name for name, config in tried.items() if config.protocol is Protocol.PAPER} == papers
     assert (tried["hard"].limit, tried["authors"].limit) == (None, 3)

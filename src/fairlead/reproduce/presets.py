@@ -53,6 +53,7 @@ class Preset:
         both_protocols: whether methods that were stuck and have no recovery are tried under the protocol `paper` too.
             For all others the two protocols are the same.
         counted: budget of further trials, on the first set with the first seed, that do not depend on the clock.
+        improved: methods that are tried on each set with the best planner too, for 60 s, with three seeds.
         sensitivity: trust at other deltas (Fig. S2); None for without.
         traced: traces are kept of the first so many scenes of the first set.
         videos: whether the report has them.
@@ -76,6 +77,7 @@ class Preset:
     seeds: tuple[int, ...] = (0,)
     both_protocols: bool = False
     counted: Budget | None = None
+    improved: tuple[str, ...] = ()
     sensitivity: SensitivityConfig | None = None
     traced: int = 3
     videos: bool = True
@@ -118,8 +120,9 @@ _PAPER = Preset(
     trust_sdf=TrustConfig("sdf", limit=400_000, stages=(Stage(6, 512),)),
     recovery=RecoveryConfig(limit=20_000),
     recovery_sdf=RecoveryConfig(limit=40_000, discount=0.8, stages=(Stage(16, 128),)),
-    methods=LEARNED, budget=Budget(seconds=180), planner="rrt", obstacles_every=2, sets=_ALL, seeds=(0, 1, 2),
+    methods=LEARNED, budget=Budget(seconds=180), planner="rrt", obstacles_every=2, sets=_ALL,
     both_protocols=True, counted=Budget(extensions=20_000), sensitivity=SensitivityConfig(),
+    improved=("trust-sdf", "accept-all", "full-dynamics", "collision-check"),
 )  # fmt: skip
 
 _DUAL_SMOKE = Preset(
@@ -159,7 +162,8 @@ _DUAL_PAPER = Preset(
     recovery=RecoveryConfig(limit=20_000),
     recovery_sdf=RecoveryConfig(limit=40_000, discount=0.8, stages=(Stage(16, 128),)),
     methods=_DUAL_DESK.methods, budget=Budget(seconds=180), planner="rrt", obstacles_every=2, sets=_ALL,
-    seeds=(0, 1, 2), both_protocols=True, counted=Budget(extensions=20_000), sensitivity=SensitivityConfig(),
+    both_protocols=True, counted=Budget(extensions=20_000), sensitivity=SensitivityConfig(),
+    improved=("trust-sdf+recovery", "trust-sdf+random-recovery", "accept-all", "full-dynamics", "collision-check"),
 )  # fmt: skip
 
 PRESETS: dict[str, dict[str, Preset]] = {

@@ -8,13 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from fairlead.evaluation.bench import TrialsConfig
+from fairlead.core.budget import Budget
+from fairlead.evaluation.bench import SHORT, TrialsConfig
 from fairlead.evaluation.methods import find_method
 from fairlead.evaluation.trials import Trials
 from fairlead.execution.trial import Protocol
 from fairlead.reproduce.presets import Preset
 from fairlead.scenarios.scenario import Scenario
 
+IMPROVED_BUDGET, IMPROVED_SEEDS = Budget(seconds=60), (0, 1, 2)
 Bar = Callable[[str, int, str], AbstractContextManager[Callable[[int], None]]]
 """Opens a progress bar with a title, a total and a unit; yields a function that advances it."""
 
@@ -31,7 +33,8 @@ def try_sets(
 ) -> None:
     """Try the methods of a preset on each set of scenes in `out`/SET, and what the preset wants besides.
 
-    SET-protocol-paper has the methods that were stuck and have no recovery, SET-counted those of a counted budget.
+    SET-protocol-paper has the methods that were stuck and have no recovery, SET-counted those of a counted budget,
+    SET-short those with the best planner.
     """
     for name, scenes in sets.items():
         first = name == next(iter(sets))
@@ -47,3 +50,7 @@ def try_sets(
         if preset.counted and first:
             counted = replace(untraced, budget=preset.counted, seeds=preset.seeds[:1])
             try_all(counted, out / f"{name}-counted", workers, bar)
+        if preset.improved:
+            improved = replace(untraced, methods=preset.improved, planner=SHORT, budget=IMPROVED_BUDGET,
+                               seeds=IMPROVED_SEEDS, reference=preset.improved[0])  # fmt: skip
+            try_all(improved, out / f"{name}-short", workers, bar)
