@@ -19,8 +19,10 @@ class Interval:
     high: float
 
 
-def wilson(successes: int, trials: int, confidence: float = 0.95) -> Interval:
+def wilson(successes: float, trials: int, confidence: float = 0.95) -> Interval:
     """A proportion with Wilson's score interval, which stays inside [0, 1] and is sound near its ends.
+
+    Successes need not be whole: where several seeds share a scene, a scene is one trial that succeeded in part.
 
     Raises:
         ValueError: without a trial there is no proportion.

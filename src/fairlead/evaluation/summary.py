@@ -1,4 +1,8 @@
-"""What a set of trials says: one entry a method, and paired comparisons of one, the reference, with the rest."""
+"""What a set of trials says: one entry a method, and paired comparisons of one, the reference, with the rest.
+
+Trials of one scene with several seeds resemble each other. For intervals and tests a scene counts once, with the mean
+of its seeds: the careful side, since it treats them as if they were all the same.
+"""
 
 from __future__ import annotations
 
@@ -33,16 +37,29 @@ def _total(rows: Sequence[Row], key: str) -> int:
     return sum(int(row[key]) for row in rows)
 
 
+def _by_scene(rows: Sequence[Row], key: str) -> dict[str, float]:
+    """The mean of a column over the seeds of each scene."""
+    found: dict[str, list[float]] = {}
+    for row in rows:
+        found.setdefault(row["scene"], []).append(float(row[key] or 0))
+    return {scene: float(np.mean(values)) for scene, values in found.items()}
+
+
+def _rate(rows: Sequence[Row], key: str) -> dict[str, float]:
+    """The share of trials in which something is so, with Wilson's interval for as many trials as there are scenes."""
+    scenes = len({row["scene"] for row in rows})
+    return asdict(wilson(scenes * sum(bool(row[key]) for row in rows) / len(rows), scenes))
+
+
 def _method_summary(rows: Sequence[Row]) -> dict[str, Any]:
     """Everything reported about one method; rates with Wilson intervals, errors in metres, times in seconds."""
-    first = [bool(row["first_plan_success"]) for row in rows]
     times = [time for time in TIMES_S if time <= Budget.parse(rows[0]["budget"]).seconds]
     reached = success_against([row["reached_at_s"] for row in rows], np.array(times))
     return {
         "trials": len(rows),
         "budget": rows[0]["budget"],
-        "success": asdict(wilson(_total(rows, "success"), len(rows))),
-        "first_plan_success": asdict(wilson(sum(first), len(rows))),
+        "success": _rate(rows, "success"),
+        "first_plan_success": _rate(rows, "first_plan_success"),
         "success_at_s": {f"{time:g}": float(rate) for time, rate in zip(times, reached, strict=True)},
         "error_m": error_statistics(np.array([row["error_m"] for row in rows])),
         "outcomes": dict(Counter(row["outcome"] for row in rows)),
@@ -54,7 +71,7 @@ def _method_summary(rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _comparison(ours: Sequence[Row], baseline: Sequence[Row], rng: np.random.Generator) -> dict[str, Any]:
-    """Ours against a baseline: the paper's t-test on all trials, paired tests on those that both have.
+    """Ours against a baseline: the paper's t-test on all scenes, paired tests on the trials that both have.
 
     Differences with intervals need two scenes at least.
     """
@@ -62,19 +79,22 @@ def _comparison(ours: Sequence[Row], baseline: Sequence[Row], rng: np.random.Gen
     pairs = [(row, theirs[row["scene"], row["seed"]]) for row in ours if (row["scene"], row["seed"]) in theirs]
     result: dict[str, Any] = {
         "pairs": len(pairs),
-        "welch_p": welch_p(np.array([row["error_m"] for row in ours]), np.array([row["error_m"] for row in baseline])),
+        "welch_p": welch_p(*(np.array(list(_by_scene(rows, "error_m").values())) for rows in (ours, baseline))),
     }
     if not pairs:
         return result
     _, scenes = np.unique([a["scene"] for a, _ in pairs], return_inverse=True)
-    won, lost = (np.array([bool(pair[side]["success"]) for pair in pairs]) for side in (0, 1))
-    result["mcnemar_p"] = mcnemar_p(won, lost)
+    for key, name in (("success", "mcnemar_p"), ("first_plan_success", "first_plan_mcnemar_p")):
+        means = [_by_scene([pair[side] for pair in pairs], key) for side in (0, 1)]
+        gain = np.array([means[0][scene] - means[1][scene] for scene in means[0]])
+        result[name] = mcnemar_p(gain > 0, gain < 0)
     if scenes.max() == 0:
         # Resampling a single scene always gives that scene: an interval of no width, which would be a lie.
         return result
+    success = np.array([float(a["success"]) - float(b["success"]) for a, b in pairs])
     error = np.array([a["error_m"] - b["error_m"] for a, b in pairs])
     return result | {
-        "success_difference": asdict(paired_bootstrap(won.astype(float) - lost, scenes, rng)),
+        "success_difference": asdict(paired_bootstrap(success, scenes, rng)),
         "error_difference_m": asdict(paired_bootstrap(error, scenes, rng)),
     }
 

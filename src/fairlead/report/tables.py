@@ -135,15 +135,17 @@ def comparison_table(summary: Summary) -> Table:
             str(item["pairs"]),
             _difference(item.get("success_difference"), 100, 0),
             _p_value(item.get("mcnemar_p")),
+            _p_value(item.get("first_plan_mcnemar_p")),
             _difference(item.get("error_difference_m"), 1, 3),
             _p_value(item["welch_p"]),
         )
         for item in summary["comparisons"]
     ]
-    columns = ("pair", "trials", "success [points]", "McNemar P", "error [m]", "t-test P")
+    columns = ("pair", "trials", "success [points]", "McNemar P", "first plans P", "error [m]", "t-test P")
     note = (
         "Differences on the same scenes and seeds, with 95 % intervals from a bootstrap over scenes. McNemar: exact, "
-        "one-sided. t-test: the paper's, one-sided on the final error, unpaired (Welch)."
+        "one-sided, of first plans too. t-test: the paper's, one-sided on the final error, unpaired (Welch). For tests "
+        "and for intervals of rates a scene counts once, with the mean of its seeds."
     )
     if because := summary.get("reference_because"):
         note = f"{summary['reference']} is the reference: {because}. {note}"
