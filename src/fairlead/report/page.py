@@ -61,7 +61,7 @@ def _headline(sources: Sources) -> tuple[str, str]:
         return TITLE.capitalize(), f"Mean success and error over {len(sources.trials)} sets of trials: {text}."
     methods, scenario = trials.summary["methods"], trials.config["scenario"].replace("_", "-")
     ours = trials.reference
-    tried = counted(methods[ours]["trials"], "trial")
+    tried = counted(methods[ours]["trials"], "trial") + (f" ({trials.name})" if len(sources.trials) > 1 else "")
     text = f"{ours} reaches the goal in {tables.rate(methods[ours]['success'])} of {tried}"
     if "accept-all" in methods and ours != "accept-all":
         text += f"; the same planner without trust (accept-all) in {tables.rate(methods['accept-all']['success'])}"
