@@ -20,7 +20,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fairlead.core.artifacts import MANIFEST, append_jsonl, read_json, read_jsonl, read_manifest, sha256, verify_files
+from fairlead.core.artifacts import (
+    MANIFEST,
+    append_jsonl,
+    git_revision,
+    read_json,
+    read_jsonl,
+    read_manifest,
+    sha256,
+    verify_files,
+)
 from fairlead.core.budget import Budget
 from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
 from fairlead.core.records import TrialOutcome
@@ -43,7 +52,7 @@ from fairlead.scenarios.scene_files import write_scenes
 ROW = {
     "scenario", "scenes", "scene", "method", "seed", "success", "error_m", "planning_s", "execution_s", "extensions",
     "plans", "recovery_actions", "actions", "outcome", "first_plan_success", "first_plan_error_m", "times_stuck",
-    "reached_at_s", "budget", "protocol", "start_residual_m", "action_outcomes",
+    "reached_at_s", "budget", "protocol", "start_residual_m", "action_outcomes", "revision",
 }  # fmt: skip
 
 
@@ -135,7 +144,27 @@ def test_an_interrupted_run_goes_on_to_the_same_rows(config: TrialsConfig, finis
     assert len(again.missing) == 3
     again.run(workers=1)
     assert rows(tmp_path) == rows(finished)
-    assert read_manifest(tmp_path, "trials").extra == {"trials": 4, "scenes": 2}
+    assert read_manifest(tmp_path, "trials").extra == {"trials": 4, "scenes": 2, "revisions": [git_revision()]}
+
+
+def test_rows_of_another_revision_are_told_of(config: TrialsConfig, finished: Path, tmp_path: Path) -> None:
+    """Going on with other code is allowed, and the manifest says that it happened."""
+    old = rows(finished)[:2]
+    (tmp_path / TRIALS).write_text("".join(json.dumps(row | {"revision": "older"}) + "\n" for row in old))
+    Trials(config, tmp_path).run(workers=1)
+    assert read_manifest(tmp_path, "trials").extra["revisions"] == sorted({"older", git_revision()})
+
+
+def test_nothing_is_written_before_the_run(config: TrialsConfig, finished: Path, tmp_path: Path) -> None:
+    """Another process may be at work there."""
+    Trials(config, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+    shutil.copytree(finished, tmp_path / "old")
+    with (tmp_path / "old" / TRIALS).open("a") as file:
+        file.write('{"scenario": "dragg')
+    before = {path: path.read_bytes() for path in (tmp_path / "old").rglob("*") if path.is_file()}
+    Trials(replace(config, reference="collision-check"), tmp_path / "old")
+    assert {path: path.read_bytes() for path in (tmp_path / "old").rglob("*") if path.is_file()} == before
 
 
 def test_an_interrupted_run_stops_its_own_processes_and_no_others(config: TrialsConfig, tmp_path: Path) -> None:
@@ -292,7 +321,7 @@ def test_a_missing_model_is_found_before_anything_is_written(config: TrialsConfi
     assert not (tmp_path / "out").exists()
 
 
-def test_every_row_of_the_table_can_be_built() -> None:
+def test_every_row_of_the_table_names_parts_that_exist() -> None:
     for method in METHODS.values():
         assert method.dynamics in {*DYNAMICS, "simulator"}
         assert method.check in CHECKS

@@ -86,6 +86,29 @@ def test_stuck_states_are_paired_with_their_action_successor_and_environment() -
     assert counts["labels"] == {"0": len(found) - ones, "below 1/2": 0, "1/2 and above": 0, "1": ones}
 
 
+class MoodyCheck(SideCheck):
+    """As above, but of states that are all on the right it accepts nothing."""
+
+    def probability(
+        self,
+        environment: Environment,
+        transitions: Transitions,
+        encodings: Float[np.ndarray, "batch feature"],
+        next_encodings: Float[np.ndarray, "batch feature"],
+    ) -> Float[np.ndarray, " batch"]:
+        right = encodings[:, 0] > self.line
+        return (right & ~right.all()).astype(float)
+
+
+def test_a_state_with_an_accepted_action_is_not_stuck_whatever_is_drawn_later() -> None:
+    """Screening accepts actions on the right; those drawn for the labels there are all rejected."""
+    data = trajectories(20, 8, 4, np.random.default_rng(0))
+    found = recovery_examples(DYNAMICS, MoodyCheck(0.1), SAMPLER, data, 8, 10**6, 0.0, np.random.default_rng(1))
+    assert (found.states[:, 0] <= 0.1).all()
+    assert len(found) == (data.states[:, :-1, 0] <= 0.1).sum()
+    assert not found.share.any()
+
+
 @given(st.lists(st.floats(0, 1)))
 def test_every_label_is_counted_once(share: list[float]) -> None:
     count = len(share)

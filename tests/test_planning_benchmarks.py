@@ -23,7 +23,7 @@ def benchmarks():
     return module
 
 
-def test_the_ratio_is_of_the_rates_it_is_given_with(benchmarks):
+def test_a_planner_is_measured_beside_its_networks_and_beside_ompl(benchmarks):
     task = problem(arena(BAR), tail_goal(0.5, 0.1))
     for rates in (
         benchmarks.planner_vs_networks(task, START, extensions=1000),

@@ -34,6 +34,10 @@ class Command:
     planner: str = "rrt"
     """rrt (the paper's, batched), rrt-middle (to the middle of the goal), rrt-short (plans made shorter),
     rrt-middle-short (both), ompl, or one that is installed."""
+    other: str | None = None
+    """Execute in a world other than that of training, as `evaluate` does."""
+    remember: bool = False
+    """Keep away from actions that were cut short in this trial."""
     seed: int = 0
     """Of the trial."""
     video: Path | None = None
@@ -52,28 +56,35 @@ class Command:
         from fairlead.evaluation.bench import Bench, Job, TrialsConfig
         from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
         from fairlead.execution.trial import Protocol
+        from fairlead.learning.registry import use_threads
         from fairlead.report.video import write_video
         from fairlead.report.videos import panels
         from fairlead.reproduce.cameras import camera
+        from fairlead.scenarios.other_world import Differences
         from fairlead.scenarios.trajectory import planned, require_format
 
         if self.trace.exists():
             raise ArtifactError(self.trace, "exists already; a trace needs a new folder")
         if self.export is not None:
             require_format(self.export)
+        use_threads(1)  # as in the processes of `evaluate`, whose trials it repeats
         budget, protocol = Budget.parse(self.budget), Protocol.of(self.protocol)
         models = self.models or shipped_models(self.scenario)
         scenes = self.scenes or benchmark_scenes(self.scenario)
-        bench = Bench(TrialsConfig(self.scenario, models, scenes, (self.method,), budget, protocol, self.planner))
+        config = TrialsConfig(self.scenario, models, scenes, (self.method,), budget, protocol, self.planner,
+                              differences=None if self.other is None else Differences.parse(self.other),
+                              remember=self.remember)  # fmt: skip
+        bench = Bench(config)
         scene = bench.scenes.scene(self.scene)
         row = bench.run(Job(self.method, scene.name, self.seed, self.trace))
         if self.video is not None:
-            with panels({"scenario": self.scenario}, scene.written(), {self.method: self.trace}, camera) as single:
+            seen = {"scenario": self.scenario, "differences": self.other}
+            with panels(seen, scene.written(), {self.method: self.trace}, camera) as single:
                 write_video(self.video, single)
             row["video"] = str(self.video)
         if self.export is not None:
             try:
-                exported = planned(bench.scenario, scene, read_trace(self.trace))
+                exported = planned(bench.models.scenario, scene, read_trace(self.trace))
             except FairleadError as error:  # the trial's result is worth showing all the same
                 row["export"] = f"none: {error}"
             else:

@@ -28,7 +28,7 @@ class Command:
     sensitivity: bool = False
     """Train and try trust at other thresholds too (Fig. S2), as paper does; not of real_tasks."""
     seed: int = 0
-    """Of every random stream."""
+    """Of data and training; the trials' seeds are the preset's."""
     threads: int = os.cpu_count() or 1
     """Of the simulator and of training; as many processes run trials."""
     json: bool = False

@@ -80,7 +80,7 @@ def read_jsonl(path: Path) -> Iterator[dict[str, Any]]:
                 raise ArtifactError(path, f"line {number} is not valid JSON") from None
 
 
-def _git_revision() -> str:
+def git_revision() -> str:
     """The revision of the code that runs, when it runs from a checkout."""
     try:
         run = subprocess.run(
@@ -106,7 +106,7 @@ def provenance() -> dict[str, Any]:
             versions[name] = "missing"
     return {
         "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
-        "git": _git_revision(),
+        "git": git_revision(),
         "versions": versions,
         "hardware": {"machine": platform.machine(), "cores": os.cpu_count() or 1},
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, final
 
@@ -32,11 +33,17 @@ Row = dict[str, Any]
 
 SHORT = "rrt-middle-short"
 """The best planner we know, and not the paper's."""
+
+
+def _short(settings: SearchSettings) -> Planner:
+    return Shortened(BatchedRRT(settings.scaled(0.8)), settings)
+
+
 PLANNERS: dict[str, Callable[[SearchSettings], Planner]] = {
     "rrt": BatchedRRT,
     "rrt-middle": lambda settings: ToTheMiddle(BatchedRRT(settings)),
-    "rrt-short": lambda settings: Shortened(BatchedRRT(settings.scaled(0.8)), settings),
-    SHORT: lambda settings: ToTheMiddle(Shortened(BatchedRRT(settings.scaled(0.8)), settings)),
+    "rrt-short": _short,
+    SHORT: lambda settings: ToTheMiddle(_short(settings)),
     "ompl": OmplRRT,
 }
 """Called with the limits of a planning attempt. Others come by entry points in `fairlead.planners`."""
@@ -125,11 +132,7 @@ class Bench:
         environment, goal = scenario.environment(scene.obstacles), scene.goal
         problem = Problem(environment, goal, dynamics, check, self.models.sampler)
 
-        planner = self._planner(PAPER.scaled(method.budget_scale))
-
-        def plan(state: np.ndarray, meter: Any, rng: np.random.Generator) -> Any:
-            return planner.plan(problem, state, meter, rng)
-
+        plan = partial(self._planner(PAPER.scaled(method.budget_scale)).plan, problem)
         names = {
             "scenario": scenario.name,
             "scenes": self.scenes.name,

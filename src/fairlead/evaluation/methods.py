@@ -42,8 +42,8 @@ class Method:
 
 
 METHODS: dict[str, Method] = {
-    "trust": Method("learned", "trust", "none", "The paper's classifier."),
-    "trust+recovery": Method("learned", "trust", "learned", "The paper's complete method."),
+    "trust": Method("learned", "trust", "none", "The paper's classifier, with what arms can do where there are any."),
+    "trust+recovery": Method("learned", "trust", "learned", "The paper's complete method: `trust`, with recovery."),
     "trust+random-recovery": Method("learned", "trust", "random", "The classifier; stuck, a random action."),
     "trust-sdf": Method("learned", "trust-sdf", "none", "A small classifier on signed distances."),
     "trust-sdf+recovery": Method("learned", "trust-sdf", "learned-sdf", "The small classifier, with recovery."),

@@ -3,7 +3,7 @@
 A folder of trials holds:
 
     config.json     what runs that share the folder must have in common, and the reference where one was stated
-    trials.jsonl    one object a trial, appended and synced as it ends
+    trials.jsonl    one object a trial, with the revision of the code, appended and synced as it ends
     traces/METHOD/SCENE-SEED/   the traces that were asked for
     scenes.json     the scenes that were tried
     summary.json    the statistics of all its trials
@@ -24,6 +24,7 @@ from fairlead.core.artifacts import (
     MANIFEST,
     Manifest,
     append_jsonl,
+    git_revision,
     read_json,
     read_jsonl,
     sha256,
@@ -56,11 +57,11 @@ class Trials:
     """
 
     def __init__(self, config: TrialsConfig, out: Path) -> None:
-        self._bench, self._out = Bench(config), out
+        self._bench, self._out, self._revision = Bench(config), out, git_revision()
         tried = {*config.methods, *(row["method"] for row in read_jsonl(out / TRIALS))}
         if config.reference not in {None, *tried}:
             raise UnknownNameError("reference", str(config.reference), tried)
-        _claim(out, identity(self._bench), config.reference)
+        _merged(out, identity(self._bench), config.reference)
         self.missing = _missing(self._bench, out)
 
     def run(self, workers: int = 1, ended: Callable[[Row], None] = lambda row: None) -> dict[str, Any]:
@@ -73,13 +74,16 @@ class Trials:
             ArtifactError: another process runs trials of this folder.
         """
         started = time.monotonic()
+        self._out.mkdir(parents=True, exist_ok=True)
         with _alone(self._out):
+            repair(self._out / TRIALS)
+            _claim(self._out, _merged(self._out, identity(self._bench), self._bench.config.reference))
             self.missing = _missing(self._bench, self._out)
             if self.missing:
                 (self._out / MANIFEST).unlink(missing_ok=True)
             with closing(run_jobs(self._bench.config, self.missing, workers)) as rows:
                 for row in rows:
-                    append_jsonl(self._out / TRIALS, row)
+                    append_jsonl(self._out / TRIALS, row | {"revision": self._revision})
                     ended(row)
             return _finish(self._bench, self._out, time.monotonic() - started)
 
@@ -124,8 +128,8 @@ def repair(path: Path) -> None:
         write_atomic(path, whole)
 
 
-def _claim(out: Path, wanted: dict[str, Any], reference: str | None) -> None:
-    """Make the folder this configuration's, or refuse it."""
+def _merged(out: Path, wanted: dict[str, Any], reference: str | None) -> dict[str, Any]:
+    """The folder's configuration with this one's models and reference; ArtifactError where it is another one's."""
     path = out / CONFIG
     found = {"remember": False, **read_json(path)} if path.exists() else {"models": {}}
     before, now = ({**config, **config["models"], "models": None} for config in (found, wanted))
@@ -135,14 +139,19 @@ def _claim(out: Path, wanted: dict[str, Any], reference: str | None) -> None:
     merged = {**found, **wanted, "models": {**found["models"], **wanted["models"]}}
     if reference is not None:
         merged["reference"] = reference
-    if merged != found:
+    return merged
+
+
+def _claim(out: Path, config: dict[str, Any]) -> None:
+    """Make the folder this configuration's."""
+    path = out / CONFIG
+    if not path.exists() or read_json(path) != config:
         (out / MANIFEST).unlink(missing_ok=True)
-        write_json(path, merged)
+        write_json(path, config)
 
 
 def _missing(bench: Bench, out: Path) -> list[Job]:
     """The trials that the folder does not hold, scene by scene, so that methods can be compared early."""
-    repair(out / TRIALS)
     done = {(row["method"], row["scene"], row["seed"]) for row in read_jsonl(out / TRIALS)}
     config = bench.config
     scenes = [scene.name for scene in bench.scenes.scenes[: config.limit]]
@@ -169,6 +178,7 @@ def _finish(bench: Bench, out: Path, wall_s: float) -> dict[str, Any]:
     inputs = {"scenes": about.pop("scenes_sha256"), **about.pop("models")}
     about |= {"methods": methods, "seeds": seeds, "reference": summary["reference"]}
     files = {name: sha256(out / name) for name in (CONFIG, TRIALS, SUMMARY, SCENES)}
-    extra = {"trials": len(rows), "scenes": len(scenes)}
+    revisions = sorted({row.get("revision", "unknown") for row in rows})
+    extra = {"trials": len(rows), "scenes": len(scenes), "revisions": revisions}
     Manifest("trials", about, seeds[0], files, inputs, extra, wall_s).write(out)
     return summary

@@ -192,7 +192,7 @@ class _Trial:
             self._meter.charge_extensions(recovery.extensions - before)
         if actions is None:
             return False
-        if not self._out_of_time:
+        if not self._meter.exhausted:
             self._recoveries += 1
             self._execute(actions[0], recovery=True)
         return True

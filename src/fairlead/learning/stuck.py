@@ -100,7 +100,7 @@ def recovery_examples(
     steps = data.actions.shape[1]
     chosen = np.sort(rng.permutation(len(data))[: max(1, limit // steps)])
     states, scenes = data.states[chosen], data.scene[chosen]
-    share = np.full(states.shape[:2], np.nan)
+    share, is_stuck = np.full(states.shape[:2], np.nan), np.zeros(states.shape[:2], bool)
     for scene in np.unique(scenes):
         rows, environment = np.flatnonzero(scenes == scene), data.environments[scene]
         ask = partial(accepted, dynamics, check, sampler, environment, rng=rng)
@@ -109,14 +109,14 @@ def recovery_examples(
         after = ~stuck & (np.cumsum(stuck, axis=1) > 0)
         found = np.where(stuck, 0.0, np.nan)
         found[after] = ask(inside[after], samples).mean(axis=1)
-        share[rows] = found
+        share[rows], is_stuck[rows] = found, stuck
     value, outcomes = share.copy(), data.outcomes[chosen]
     for t in range(steps - 1, 0, -1):
         value[:, t] = np.fmax(value[:, t], discount * value[:, t + 1])
     undone = outcomes == tuple(ActionOutcome).index(ActionOutcome.STRETCH)
     label = np.where(undone, share[:, 1:], value[:, 1:])
     left_out = np.isin(outcomes, [i for i, outcome in enumerate(ActionOutcome) if outcome in leave_out])
-    row, t = np.nonzero((share[:, :-1] == 0) & ~left_out)
+    row, t = np.nonzero(is_stuck[:, :-1] & ~left_out)
     source = np.stack([chosen[row], t], axis=1)
     return RecoveryExamples(
         states[row, t], data.actions[chosen[row], t], label[row, t], scenes[row], source, len(chosen) * steps

@@ -58,7 +58,7 @@ class Tree:
     @property
     def goal_reached(self) -> bool:
         """Whether the best node is in the goal."""
-        return bool(self._goal.reached(self.states[self.best]))
+        return self.best_error <= self._goal.tolerance
 
     def add(
         self,

@@ -33,7 +33,7 @@ def reproduce(
         scenario: the world.
         preset: how large.
         out: folder of everything.
-        seed: everything random derives from it.
+        seed: of data and training; the trials' are the preset's.
         threads: of the simulator and of training, and the number of processes that run trials.
         bar: opens a progress bar.
         tell: gets a line about each set of scenes that is left out because it is not here.

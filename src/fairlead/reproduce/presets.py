@@ -41,7 +41,8 @@ class Preset:
 
     Args:
         phase1, phase2: trajectories recorded for the dynamics, and for trust and recovery.
-        full: trajectories of phase 2 recorded for the full dynamics, as many transitions as both phases together.
+        full: trajectories of phase 2 recorded for the full dynamics: as many transitions as both phases together, but
+            for `smoke`.
         steps2: actions in a trajectory of phase 2; 0 for the paper's.
         dynamics, full_dynamics, trust, trust_sdf, recovery, recovery_sdf: of the models.
         methods: what is tried, the first compared with the others.
@@ -52,7 +53,8 @@ class Preset:
         seeds: of the trials.
         both_protocols: whether methods that were stuck and have no recovery are tried under the protocol `paper` too.
             For all others the two protocols are the same.
-        counted: budget of further trials, on the first set with the first seed, that do not depend on the clock.
+        counted: budget of further trials, on the first set with the first seed, that do not depend on the clock:
+            several planning attempts.
         improved: methods that are tried on each set with the best planner too, for 60 s, with three seeds.
         sensitivity: trust at other deltas (Fig. S2); None for without.
         traced: traces are kept of the first so many scenes of the first set.
@@ -121,7 +123,7 @@ _PAPER = Preset(
     recovery=RecoveryConfig(limit=20_000),
     recovery_sdf=RecoveryConfig(limit=40_000, discount=0.8, stages=(Stage(16, 128),)),
     methods=LEARNED, budget=Budget(seconds=180), planner="rrt", obstacles_every=2, sets=_ALL,
-    both_protocols=True, counted=Budget(extensions=20_000), sensitivity=SensitivityConfig(),
+    both_protocols=True, counted=Budget(extensions=60_000), sensitivity=SensitivityConfig(),
     improved=("trust-sdf", "accept-all", "full-dynamics", "collision-check"),
 )  # fmt: skip
 
@@ -162,8 +164,9 @@ _DUAL_PAPER = Preset(
     recovery=RecoveryConfig(limit=20_000),
     recovery_sdf=RecoveryConfig(limit=40_000, discount=0.8, stages=(Stage(16, 128),)),
     methods=_DUAL_DESK.methods, budget=Budget(seconds=180), planner="rrt", obstacles_every=2, sets=_ALL,
-    both_protocols=True, counted=Budget(extensions=20_000), sensitivity=SensitivityConfig(),
-    improved=("trust-sdf+recovery", "trust-sdf+random-recovery", "accept-all", "full-dynamics", "collision-check"),
+    both_protocols=True, counted=Budget(extensions=60_000), sensitivity=SensitivityConfig(),
+    improved=("trust-sdf+recovery", "trust-sdf+random-recovery", "accept-all", "accept-all+arms", "full-dynamics",
+              "collision-check"),
 )  # fmt: skip
 
 PRESETS: dict[str, dict[str, Preset]] = {

@@ -44,7 +44,7 @@ def reproduce_tasks(size: str, out: Path, seed: int, threads: int, bar: Bar) -> 
         size: name of the preset of each task's base (see `sizes_of`), for its data, classifier and recovery. With a
             counted budget it gives budget and number of scenes, too; else all scenes are tried for `BUDGET`.
         out: folder of everything.
-        seed: everything random derives from it.
+        seed: of data and training; that of the trials is 0.
         threads: of the simulator and of training, and the number of processes that run trials.
         bar: opens a progress bar.
 

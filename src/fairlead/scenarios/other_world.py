@@ -126,7 +126,10 @@ def misplaced(obstacle: Obstacle, most: float, rng: np.random.Generator) -> Obst
 
 @final
 class OtherWorld(World):
-    """A simulated world seen through noise and acted upon imprecisely. What was seen stays so until the next action."""
+    """A simulated world seen through noise and acted upon imprecisely. What was seen stays so until the next action.
+
+    A trial knows no other truth: like a robot's, its success and its error are those that were sensed.
+    """
 
     def __init__(self, inner: SimulatedWorld, differences: Differences, rng: np.random.Generator) -> None:
         self.inner, self._differences, self._rng = inner, differences, rng
