@@ -24,13 +24,16 @@ from fairlead.planning.checks import AcceptAll
 from fairlead.planning.middle import ToTheMiddle
 from fairlead.planning.ompl import OmplRRT
 from fairlead.planning.problem import Planner, Problem, SearchSettings
+from fairlead.planning.relaxed import Relaxed
 from fairlead.planning.rrt import BatchedRRT
 from fairlead.planning.shorten import Shortened, expected_length
 from toy import BAR, LAYOUT, SAMPLER, BrokenChain, FreeChain, Given, arena, problem, straight, tail_goal
 
-PLANNERS = [BatchedRRT(), BatchedRRT(lanes=7, candidates=20), OmplRRT(), ToTheMiddle(Shortened(BatchedRRT(lanes=7)))]
-NAMES = ["batched", "seven-lanes", "ompl", "middle-short"]
+PLANNERS = [BatchedRRT(), BatchedRRT(lanes=7, candidates=20), OmplRRT(), ToTheMiddle(Shortened(BatchedRRT(lanes=7))),
+            Relaxed(BatchedRRT())]  # fmt: skip
+NAMES = ["batched", "seven-lanes", "ompl", "middle-short", "relaxed"]
 each_planner = pytest.mark.parametrize("planner", PLANNERS, ids=NAMES)
+each_of_one_attempt = pytest.mark.parametrize("planner", PLANNERS[:-1], ids=NAMES[:-1])
 
 
 def like(planner: Planner, settings: SearchSettings) -> Planner:
@@ -168,7 +171,7 @@ def test_nothing_leaves_the_bounds_even_where_everything_is_trusted(planner):
     assert task.inside(tree.states).all()
 
 
-@each_planner
+@each_of_one_attempt
 @pytest.mark.parametrize(("budget_s", "attempt_s"), [(3.0, 1.0), (1.0, 3.0)])
 def test_seconds_end_an_attempt(planner, budget_s, attempt_s):
     ticks = itertools.count(step=0.05)
@@ -180,7 +183,7 @@ def test_seconds_end_an_attempt(planner, budget_s, attempt_s):
     assert timed.spent_s == pytest.approx(1.0, abs=0.3)
 
 
-@each_planner
+@each_of_one_attempt
 def test_an_attempt_stays_within_its_own_extensions(planner):
     unreachable = problem(arena(), tail_goal(0.5, 0.1, radius=1e-6))
     short = like(planner, SearchSettings(attempt_extensions=100))
@@ -339,3 +342,60 @@ def test_a_plan_that_misses_the_goal_is_brought_nearer_and_in_where_it_can_be(ra
     assert task.goal.error(short.states[-1]) < missed
     assert short.extensions - found.extensions == spent.extensions > 0
     assert (short.trust > 0.5).all()
+
+
+@final
+class Doubtful(TransitionCheck):
+    """Trusts every transition as much, and a wall of the arena's middle less."""
+
+    def __init__(self, at_best: float, across: float) -> None:
+        self.at_best, self.across = at_best, across
+
+    def encode(self, environment, states):
+        return states[:, :1].astype(np.float32)
+
+    def probability(self, environment, transitions, encodings, next_encodings):
+        return np.where((encodings < 0) == (next_encodings < 0), self.at_best, self.across)[:, 0]
+
+
+BEYOND = replace(problem(arena(), tail_goal(0.3, 0.0, 0.1)), check=Doubtful(0.9, 0.2))
+FEW = SearchSettings(attempt_extensions=3000)
+
+
+def test_less_trust_is_asked_for_only_where_enough_does_not_lead_to_the_goal() -> None:
+    """The way across is trusted with 0.2: not at 0.5, not at 0.25, but at 0.1."""
+    spent = meter()
+    assert BatchedRRT(FEW).plan(BEYOND, START, meter(), stream(0)).outcome is PlanOutcome.PARTIAL
+    plan = Relaxed(BatchedRRT(FEW)).plan(BEYOND, START, spent, stream(0))
+    assert plan.outcome is PlanOutcome.GOAL
+    assert min(plan.trust) == 0.2
+    assert spent.extensions == plan.extensions > 6000, "two attempts failed before"
+    near = replace(BEYOND, goal=tail_goal(-0.6, 0.2, 0.1))
+    alone = BatchedRRT(FEW).plan(near, START, meter(), stream(1))
+    same = Relaxed(BatchedRRT(FEW)).plan(near, START, meter(), stream(1))
+    assert alone.outcome is PlanOutcome.GOAL
+    assert np.array_equal(same.actions, alone.actions)
+    assert same.extensions == alone.extensions
+
+
+def test_where_no_trust_leads_to_the_goal_the_most_trusted_plan_is_returned() -> None:
+    closed, spent = replace(BEYOND, check=Doubtful(0.9, 0.0)), meter()
+    alone = BatchedRRT(FEW).plan(closed, START, meter(), stream(0))
+    plan = Relaxed(BatchedRRT(FEW)).plan(closed, START, spent, stream(0))
+    assert plan.outcome is PlanOutcome.PARTIAL
+    assert np.array_equal(plan.actions, alone.actions)
+    assert spent.extensions == plan.extensions == 9000
+
+
+def test_a_stuck_start_is_left_to_recovery() -> None:
+    """Even where a little trust would lead on."""
+    spent = meter()
+    plan = Relaxed(BatchedRRT()).plan(replace(BEYOND, check=Doubtful(0.4, 0.4)), START, spent, stream(0))
+    assert plan.outcome is PlanOutcome.STUCK
+    assert spent.extensions == plan.extensions < 100
+
+
+@pytest.mark.parametrize("wrong", [(0.25, 0.05), (1.0,)])
+def test_what_no_check_vouches_for_is_no_threshold(wrong: tuple[float, ...]) -> None:
+    with pytest.raises(FairleadError, match="thresholds"):
+        Relaxed(BatchedRRT(), wrong)

@@ -15,6 +15,9 @@ from jaxtyping import Bool, Float
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import Executed, Prediction, Transitions
 
+LEAST_TRUST = 0.1
+"""No planner accepts a transition whose probability is this or less."""
+
 
 class Environment(ABC):
     """The obstacles, seen as a field: E in the paper. Outside the map is free."""
@@ -118,7 +121,10 @@ class TransitionCheck(ABC):
         encodings: Float[np.ndarray, "batch feature"],
         next_encodings: Float[np.ndarray, "batch feature"],
     ) -> Float[np.ndarray, " batch"]:
-        """Probability in [0, 1] that each transition is reliable; accepted above 0.5. NaN counts as rejected."""
+        """Probability in [0, 1] that each transition is reliable; accepted above 0.5.
+
+        NaN counts as rejected. At `LEAST_TRUST` and below it need not be exact.
+        """
 
 
 class RecoveryPolicy(ABC):

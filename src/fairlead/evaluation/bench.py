@@ -23,6 +23,7 @@ from fairlead.planning.memory import CutShort, UntriedActions
 from fairlead.planning.middle import ToTheMiddle
 from fairlead.planning.ompl import OmplRRT
 from fairlead.planning.problem import PAPER, Planner, Problem, SearchSettings
+from fairlead.planning.relaxed import Relaxed
 from fairlead.planning.rrt import BatchedRRT
 from fairlead.planning.shorten import Shortened
 from fairlead.scenarios.other_world import Differences, other_world, with_arms_of
@@ -31,7 +32,7 @@ from fairlead.scenarios.scene_files import Scene
 
 Row = dict[str, Any]
 
-SHORT = "rrt-middle-short"
+SHORT, RELAXED = "rrt-middle-short", "rrt-middle-short-relaxed"
 """The best planner we know, and not the paper's."""
 
 
@@ -44,6 +45,7 @@ PLANNERS: dict[str, Callable[[SearchSettings], Planner]] = {
     "rrt-middle": lambda settings: ToTheMiddle(BatchedRRT(settings)),
     "rrt-short": _short,
     SHORT: lambda settings: ToTheMiddle(_short(settings)),
+    RELAXED: lambda settings: Relaxed(ToTheMiddle(_short(settings))),
     "ompl": OmplRRT,
 }
 """Called with the limits of a planning attempt. Others come by entry points in `fairlead.planners`."""

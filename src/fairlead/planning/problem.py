@@ -30,13 +30,14 @@ class Tried:
 
 @dataclass(frozen=True)
 class Problem:
-    """Where, whereto, with which model, and whom to trust."""
+    """Where, whereto, with which model, whom to trust, and from which probability on."""
 
     environment: Environment
     goal: Goal
     dynamics: Dynamics
     check: TransitionCheck
     sampler: ActionSampler
+    threshold: float = 0.5
 
     @property
     def layout(self) -> StateLayout:
@@ -56,7 +57,8 @@ class Problem:
     ) -> Tried:
         """Predict and check transitions: one call of the dynamics, one `encode` and one `probability`.
 
-        Accepted: predicted within bounds, with a probability above 0.5. What is not finite is rejected, and counted.
+        Accepted: predicted within bounds, with a probability above the threshold. What is not finite is rejected, and
+        counted.
         """
         prediction = self.dynamics.predict(self.environment, states, actions)
         mean, spread = prediction.mean, prediction.spread
@@ -66,7 +68,7 @@ class Problem:
         next_encodings = self.check.encode(self.environment, mean)
         transitions = Transitions(states, actions, mean, spread)
         trust = self.check.probability(self.environment, transitions, encodings, next_encodings)
-        accepted = finite & self.inside(mean) & (trust > 0.5)
+        accepted = finite & self.inside(mean) & (trust > self.threshold)
         return Tried(mean, next_encodings, trust, accepted, int((~finite | np.isnan(trust)).sum()))
 
 

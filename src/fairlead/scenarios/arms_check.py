@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import ActionOutcome, Transitions
-from fairlead.core.roles import Environment, RecoveryPolicy, TransitionCheck
+from fairlead.core.roles import LEAST_TRUST, Environment, RecoveryPolicy, TransitionCheck
 from fairlead.geometry.fields import BoxEnvironment
 from fairlead.scenarios.arms import Arms
 from fairlead.scenarios.scenario import Scenario
@@ -33,7 +33,7 @@ class ArmsCheck(TransitionCheck):
     """Another check's probability, and 0 where the arms are stopped before the targets of the action.
 
     The arms grasp the grippers of the state from their home posture, so a node of the tree carries no posture. Only
-    what the other check accepts (above 0.5) is looked at: the rest is rejected already.
+    what the other check trusts at least a little (`LEAST_TRUST`) is looked at: no planner accepts the rest.
 
     Args:
         inner: the other check; its encodings are this one's.
@@ -57,7 +57,7 @@ class ArmsCheck(TransitionCheck):
         next_encodings: Float[np.ndarray, "batch feature"],
     ) -> Float[np.ndarray, " batch"]:
         chance = np.array(self.inner.probability(environment, transitions, encodings, next_encodings))
-        accepted = np.nonzero(chance > 0.5)[0]
+        accepted = np.nonzero(chance > LEAST_TRUST)[0]
         states, actions = transitions.states[accepted], transitions.actions[accepted]
         chance[accepted[_stopped(self.arms, self.layout, environment, states, actions)]] = 0.0
         return chance
