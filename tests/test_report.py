@@ -200,6 +200,17 @@ def test_points_are_where_the_camera_shows_them() -> None:
             assert (near[:, 0] > near[:, 1:].max(axis=1) + 60).any()
 
 
+def test_trials_without_their_scenes_are_told_without_pictures_of_them(trials: Path, tmp_path: Path) -> None:
+    """Rows may travel where scenes may not."""
+    shutil.copytree(trials, tmp_path / "rows")
+    (tmp_path / "rows" / "scenes.json").unlink()
+    page = write_report([tmp_path / "rows"], tmp_path / "page")
+    assert "no pictures of them" in page.read_text()
+    names = {path.name for path in (page.parent / "figures").iterdir()}
+    assert any(name.endswith("-threshold.svg") for name in names)
+    assert not any(name.endswith("-scenes.svg") for name in names)
+
+
 def test_the_arms_that_carry_a_trial_out_are_drawn() -> None:
     """Where other arms than those of training execute, pictures show the others."""
     world = scenario("dual_arm")

@@ -115,7 +115,7 @@ def title_of(trials: TrialSet) -> str:
 def trial_section(trials: TrialSet, save: Figures, clips: list[Clip], cameras: Cameras) -> Section:
     """Everything about one set of trials."""
     config, summary = trials.config, trials.summary
-    scenes, seeds = len(trials.scenes), len({row["seed"] for row in trials.rows})
+    scenes, seeds = (len({row[key] for row in trials.rows}) for key in ("scene", "seed"))
     budget = Budget.parse(config["budget"])
     other = (
         f" Executed in another world than that of training: {config['differences']}."
@@ -123,6 +123,7 @@ def trial_section(trials: TrialSet, save: Figures, clips: list[Clip], cameras: C
         else ""
     )
     other += " Actions that were cut short were remembered within a trial." if config.get("remember") else ""
+    other += "" if trials.scenes else " The scenes themselves are not here, so there are no pictures of them."
     timed = math.isfinite(budget.seconds)
     clock = "" if timed else " A counted budget does not look at the clock: times are those of execution alone."
     section = Section(
@@ -144,17 +145,18 @@ def trial_section(trials: TrialSet, save: Figures, clips: list[Clip], cameras: C
 
 def _trial_pictures(trials: TrialSet, save: Figures, seconds: float, cameras: Cameras) -> list[Picture]:
     """The first scene through the camera, if there is one, and the figures; `seconds` is the budget of a trial [s]."""
-    name, first = trials.name, trials.scenes[0]
-    image = photograph(trials.config, first, cameras)
-    caption = f"Scene {first['name']} at its start, and its goal."
-    found = [] if image is None else [save.save_photograph(f"{name}-scene", image, caption)]
+    name, radius = trials.name, 0.0
+    found: list[Picture] = []
+    for first in trials.scenes[:1]:
+        radius, image = first["goal"].get("radius", 0.0), photograph(trials.config, first, cameras)
+        caption = f"Scene {first['name']} at its start, and its goal."
+        found = [] if image is None else [save.save_photograph(f"{name}-scene", image, caption)]
     longest = max((row["reached_at_s"] or 0.0 for row in trials.rows), default=0.0)
     horizon = seconds if math.isfinite(seconds) else max(1.0, longest)
-    return [
-        *found,
+    found += [
         save.save(
             f"{name}-threshold",
-            figures.success_against_threshold(trials.rows_of, first["goal"].get("radius", 0.0)),
+            figures.success_against_threshold(trials.rows_of, radius),
             "Success against the threshold on the task error (Fig. 6A). Dashed: the goal's tolerance.",
         ),
         save.save(
@@ -164,13 +166,12 @@ def _trial_pictures(trials: TrialSet, save: Figures, seconds: float, cameras: Ca
         ),
         save.save(f"{name}-outcomes", figures.outcomes(trials.summary), "How the trials ended."),
         save.save(f"{name}-spent", figures.time_spent(trials.summary), "Where the time of a trial goes."),
-        save.save(
-            f"{name}-scenes",
-            figures.gallery(trials.scenes, trials.rows_of[trials.reference]),
-            f"The scenes: start, goal (green), and as frame the outcome of the first trial of {trials.reference}.",
-            wide=True,
-        ),
     ]
+    if trials.scenes:
+        caption = f"The scenes: start, goal (green), and as frame the outcome of the first trial of {trials.reference}."
+        gallery = figures.gallery(trials.scenes, trials.rows_of[trials.reference])
+        found.append(save.save(f"{name}-scenes", gallery, caption, wide=True))
+    return found
 
 
 def overview_section(sources: Sources) -> Section | None:

@@ -47,8 +47,9 @@ class TrialSet:
 
     @cached_property
     def scenes(self) -> list[dict[str, Any]]:
-        """The scenes that were tried, as a scene file writes them."""
-        return read_json(self.folder / "scenes.json")["scenes"]
+        """The scenes that were tried, as a scene file writes them; none where the file did not travel with the rows."""
+        path = self.folder / "scenes.json"
+        return read_json(path)["scenes"] if path.exists() else []
 
     @property
     def rows_of(self) -> dict[str, list[dict[str, Any]]]:

@@ -114,8 +114,8 @@ _DESK = Preset(
     methods=LEARNED, obstacles_every=2, sets=_SOME,
 )  # fmt: skip
 
-# With all the data the dynamics' own delta is 36 mm, and a classifier of it refuses too much where it is tight: trust_sdf
-# takes the paper's 65 mm (docs/adr/0013), trust the paper's rule.
+# With all the data the dynamics' own delta is 36 mm, and a classifier of it refuses too much where it is tight:
+# trust_sdf takes the paper's 65 mm (docs/adr/0013), trust the paper's rule.
 _PAPER = Preset(
     phase1=6144, phase2=2048, full=3277,
     dynamics=DynamicsConfig(stages=(Stage(40, 128, 2e-3), Stage(10, 128, 5e-4, 4))),
