@@ -15,6 +15,7 @@ import pytest
 
 from fairlead.cli import main as cli
 from fairlead.data.collect import CollectConfig, collect
+from fairlead.evaluation.methods import METHODS
 from fairlead.scenarios.registry import SCENARIOS
 from fakes import FakeScenario
 
@@ -206,3 +207,30 @@ def test_doctor_finds_what_the_tests_run_with(
     assert code == (2 if any(str(value).startswith("missing") for value in found.values()) else 0)
     assert found["python"].startswith("3.")
     assert found["mujoco"][0].isdigit()
+
+
+def test_the_table_of_methods_names_what_evaluate_takes(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, "methods", "--json") == 0
+    assert list(json.loads(capsys.readouterr().out)) == list(METHODS)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["evaluate", "dragging", "--workers", "9999"], "timed trials"),
+        (["evaluate", "dragging", "--seeds", "0"], "--seeds 0"),
+        (["evaluate", "dual_arm", "--methods", "full-dynamics"], "here are: dynamics, "),
+    ],
+)
+def test_what_would_mean_nothing_is_refused_before_anything_is_written(
+    arguments: list[str],
+    named: str,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert call(monkeypatch, *arguments, "--out", tmp_path / "out") == 2
+    assert named in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +26,7 @@ class Command:
     models: Path | None = None
     """Folder of trained models; by default those that come with Fairlead."""
     methods: str = "trust-sdf,accept-all"
-    """Names, separated by commas."""
+    """Names, separated by commas, see `fairlead methods`."""
     reference: str | None = None
     """The method that is compared with each of the others. By default the one stated for these trials before, else the
     first in the table of methods."""
@@ -57,18 +58,24 @@ class Command:
     def run(self) -> None:
         """Run the missing trials with a progress bar, and print each method's success."""
         from fairlead.core.budget import Budget
+        from fairlead.core.errors import FairleadError
         from fairlead.evaluation.bench import TrialsConfig
         from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
         from fairlead.evaluation.trials import Trials
         from fairlead.execution.trial import Protocol
         from fairlead.scenarios.other_world import Differences
 
+        budget, cores = Budget.parse(self.budget), os.cpu_count() or 1
+        if self.seeds < 1:
+            raise FairleadError(f"--seeds {self.seeds}: at least 1 is needed")
+        if budget.seconds < math.inf and self.workers > cores:
+            raise FairleadError(f"--workers {self.workers}: timed trials take a core each; {cores} here")
         config = TrialsConfig(
             scenario=self.scenario,
             models=self.models or shipped_models(self.scenario),
             scenes=self.scenes or benchmark_scenes(self.scenario),
             methods=tuple(name.strip() for name in self.methods.split(",")),
-            budget=Budget.parse(self.budget),
+            budget=budget,
             protocol=Protocol.of(self.protocol),
             planner=self.planner,
             seeds=tuple(range(self.seed, self.seed + self.seeds)),

@@ -20,6 +20,7 @@ COMMANDS = {
     "movie": "both scenarios as a movie of one to two minutes",
     "plan": "plan and execute one scene, with a trace and a video",
     "evaluate": "try methods on many scenes",
+    "methods": "the table of methods: their names, and what each does",
     "report": "tables, figures and one self-contained page",
 }
 """Each is a module of this package with a type `Command`, imported when it is called: help stays fast."""

@@ -26,7 +26,7 @@ class Command:
     models: Path | None = None
     """Folder of trained models; by default those that come with Fairlead."""
     method: str = "trust-sdf"
-    """A row of the table of methods."""
+    """A row of the table of methods, see `fairlead methods`."""
     budget: str = "seconds=60"
     """seconds=N or extensions=N."""
     protocol: str = "fair"
@@ -66,6 +66,8 @@ class Command:
 
         if self.trace.exists():
             raise ArtifactError(self.trace, "exists already; a trace needs a new folder")
+        if self.video is not None and self.video.suffix != ".mp4":
+            raise FairleadError(f"{self.video}: a video is a file NAME.mp4")
         if self.export is not None:
             require_format(self.export)
         use_threads(1)  # as in the processes of `evaluate`, whose trials it repeats

@@ -87,6 +87,9 @@ class Models:
                 and delta may differ.
         """
         folder = self.folder / name
+        if not (folder / MANIFEST).exists():
+            there = ", ".join(sorted(path.parent.name for path in self.folder.glob(f"*/{MANIFEST}"))) or "none"
+            raise ArtifactError(folder, f"no finished model; here are: {there}; train it, or choose another --models")
         trained_on = read_manifest(folder, "model").inputs.get("dynamics")
         if trained_on is not None and trained_on not in _hashes(self.folder_of("dynamics")):
             raise ArtifactError(folder, "trained on other dynamics than those beside it; train it again")
