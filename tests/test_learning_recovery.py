@@ -43,12 +43,12 @@ VOXEL = TrustConfig("voxel", hidden=8, grid=VoxelGrid((24, 24, 1), 0.04))
 
 
 class SideCheck(TransitionCheck):
-    """Accepts what starts on the right of a line, and does not care about the action."""
+    """Accepts what starts on the right of a line, whatever the action; if moody, nothing where all is on the right."""
 
     network: Any
 
-    def __init__(self, line: float) -> None:
-        self.line = line
+    def __init__(self, line: float, moody: bool = False) -> None:
+        self.line, self.moody = line, moody
 
     def encode(
         self,
@@ -65,7 +65,8 @@ class SideCheck(TransitionCheck):
         next_encodings: Float[np.ndarray, "batch feature"],
     ) -> Float[np.ndarray, " batch"]:
         assert (encodings == self.encode(environment, transitions.states)).all()
-        return (encodings[:, 0] > self.line).astype(float)
+        right = encodings[:, 0] > self.line
+        return (right & ~(self.moody and right.all())).astype(float)
 
 
 def test_stuck_states_are_paired_with_their_action_successor_and_environment() -> None:
@@ -86,24 +87,12 @@ def test_stuck_states_are_paired_with_their_action_successor_and_environment() -
     assert counts["labels"] == {"0": len(found) - ones, "below 1/2": 0, "1/2 and above": 0, "1": ones}
 
 
-class MoodyCheck(SideCheck):
-    """As above, but of states that are all on the right it accepts nothing."""
-
-    def probability(
-        self,
-        environment: Environment,
-        transitions: Transitions,
-        encodings: Float[np.ndarray, "batch feature"],
-        next_encodings: Float[np.ndarray, "batch feature"],
-    ) -> Float[np.ndarray, " batch"]:
-        right = encodings[:, 0] > self.line
-        return (right & ~right.all()).astype(float)
-
-
 def test_a_state_with_an_accepted_action_is_not_stuck_whatever_is_drawn_later() -> None:
     """Screening accepts actions on the right; those drawn for the labels there are all rejected."""
     data = trajectories(20, 8, 4, np.random.default_rng(0))
-    found = recovery_examples(DYNAMICS, MoodyCheck(0.1), SAMPLER, data, 8, 10**6, 0.0, np.random.default_rng(1))
+    found = recovery_examples(
+        DYNAMICS, SideCheck(0.1, moody=True), SAMPLER, data, 8, 10**6, 0.0, np.random.default_rng(1)
+    )
     assert (found.states[:, 0] <= 0.1).all()
     assert len(found) == (data.states[:, :-1, 0] <= 0.1).sum()
     assert not found.share.any()
