@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from fairlead.evaluation.evidence import accepted_contacts, box_rows, labelled_trajectory, voxels, write_evidence
-from fairlead.geometry.voxels import VoxelGrid
 from fairlead.learning.labels import label
+from fairlead.learning.voxels import VoxelGrid
 from fairlead.planning.checks import AcceptAll, CollisionCheck
 from fairlead.report.drawing import outline
 from fairlead.report.evidence_figures import pictures

@@ -8,12 +8,12 @@ import numpy as np
 
 from fairlead.core.contracts import check_dynamics
 from fairlead.geometry.distance import model_error
-from fairlead.geometry.voxels import VoxelGrid
 from fairlead.learning.fit import Stage
 from fairlead.learning.full_dynamics import FullDynamicsConfig, train_full_dynamics
 from fairlead.learning.model_files import Job
 from fairlead.learning.registry import load_full_dynamics
 from fairlead.learning.rollout import roll_out_all
+from fairlead.learning.voxels import VoxelGrid
 from rope_data import LAYOUT, splits
 
 DATA = splits(64, 6, 4)

@@ -19,7 +19,6 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.records import ActionOutcome, Transitions
 from fairlead.core.roles import Environment, TransitionCheck
 from fairlead.geometry.motion import RandomDisplacement
-from fairlead.geometry.voxels import VoxelGrid
 from fairlead.learning.fit import Stage
 from fairlead.learning.model_files import Job
 from fairlead.learning.recovery import (
@@ -33,6 +32,7 @@ from fairlead.learning.registry import load_recovery
 from fairlead.learning.stuck import RecoveryExamples, recovery_examples
 from fairlead.learning.trust import LearnedCheck, build_network
 from fairlead.learning.trust_network import TrustConfig
+from fairlead.learning.voxels import VoxelGrid
 from rope_data import LAYOUT, splits, trajectories
 from test_labels import FollowDynamics
 

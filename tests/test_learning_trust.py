@@ -17,7 +17,6 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.records import Transitions
 from fairlead.geometry.fields import BoxEnvironment
 from fairlead.geometry.shapes import Box
-from fairlead.geometry.voxels import Occupancy, VoxelGrid
 from fairlead.learning.fit import Stage
 from fairlead.learning.labels import Examples, label
 from fairlead.learning.model_files import Job
@@ -25,6 +24,7 @@ from fairlead.learning.registry import load_check
 from fairlead.learning.trust import LearnedCheck, balanced_order, build_network, probabilities, train_trust
 from fairlead.learning.trust_network import NETWORKS, PAPER_GRID, TrustConfig
 from fairlead.learning.trust_voxel import VoxelEncoder, transformed, transformed_grid
+from fairlead.learning.voxels import Occupancy, VoxelGrid
 from rope_data import BOUNDS, LAYOUT, splits
 from test_labels import DELTA, FollowDynamics
 
@@ -144,7 +144,7 @@ def test_a_transformed_grid_is_the_grid_of_the_transformed_scene(symmetry: tuple
     sizes = [(b.size[1], b.size[0], b.size[2]) if symmetry[2] else b.size for b in boxes]
     turned = [Box(size, tuple(moved(np.array(b.position)))) for b, size in zip(boxes, sizes, strict=True)]
     drawn, expected = (
-        grid.draw(LAYOUT, Occupancy.of([BoxEnvironment(b, bounds)], 0.05), np.zeros(4, int), s)
+        grid.draw(LAYOUT, Occupancy.of([BoxEnvironment(b, bounds)], 0.05), np.zeros(4, int), s).numpy()
         for b, s in ((boxes, states), (turned, moved(states)))
     )
     found = transformed_grid(torch.from_numpy(drawn), code).numpy()

@@ -12,7 +12,7 @@ from fairlead.core.layout import StateLayout
 from fairlead.geometry.fields import BoxEnvironment
 from fairlead.geometry.frames import local_origin
 from fairlead.geometry.shapes import Box
-from fairlead.geometry.voxels import Occupancy, VoxelGrid
+from fairlead.learning.voxels import Occupancy, VoxelGrid
 
 BOUNDS = np.array([[-0.5, -0.4, 0.0], [0.5, 0.4, 0.1]])
 LAYOUTS = (StateLayout(("gripper",), 4), StateLayout(("left", "right"), 3))
@@ -35,7 +35,7 @@ def some_states(layout: StateLayout, seed: int, count: int = 3) -> np.ndarray:
 def test_every_cell_holds_what_its_definition_says(layout: StateLayout, grid: VoxelGrid, seed: int) -> None:
     states, which = some_states(layout, seed), np.array([1, 0, 1])
     occupancy = Occupancy.of(ENVIRONMENTS, grid.resolution)
-    drawn = grid.draw(layout, occupancy, which, states)
+    drawn = grid.draw(layout, occupancy, which, states).numpy()
     assert drawn.shape == (3, grid.channels(layout), *grid.shape)
     corner = grid.corner(layout, states, occupancy.origin)
     cells = np.stack(np.meshgrid(*map(np.arange, grid.shape), indexing="ij"), -1)
@@ -70,7 +70,7 @@ def test_moving_everything_by_whole_cells_changes_nothing(seed: int, cells: tupl
     box = Box((0.15, 0.1, 0.1), (0.0103, 0.0307, 0.05))
     moved = Box(box.size, tuple(np.array(box.position) + shift))
     grids = [
-        grid.draw(layout, Occupancy.of([BoxEnvironment([b], 4 * BOUNDS)], 0.02), np.zeros(3, int), s)
+        grid.draw(layout, Occupancy.of([BoxEnvironment([b], 4 * BOUNDS)], 0.02), np.zeros(3, int), s).numpy()
         for b, s in ((box, states), (moved, states + np.tile(shift, 5)))
     ]
     same_cell = np.isclose(grids[0][:, 1], grids[1][:, 1], atol=1e-4).all(axis=(1, 2, 3))

@@ -19,9 +19,9 @@ from fairlead.core.roles import Dynamics, Environment, TransitionCheck
 from fairlead.core.streams import stream
 from fairlead.geometry.distance import model_error
 from fairlead.geometry.fields import BoxEnvironment
-from fairlead.geometry.voxels import Occupancy, VoxelGrid
 from fairlead.learning.labels import Examples, label
 from fairlead.learning.rollout import roll_out
+from fairlead.learning.voxels import Occupancy, VoxelGrid
 
 Arrays = dict[str, np.ndarray]
 _WANTED = np.array([1, 1, 1, 1, 0, -1])
@@ -75,7 +75,7 @@ def voxels(data: Trajectories, grid: VoxelGrid, rng: np.random.Generator) -> Arr
     best: tuple[float, np.ndarray] = (-1.0, np.zeros(0))
     for row in rows:
         occupancy = Occupancy.of([data.environments[int(data.scene[row])]], grid.resolution)
-        drawn = grid.draw(data.layout, occupancy, np.zeros(1, int), data.states[row, -1:].astype(float))[0]
+        drawn = grid.draw(data.layout, occupancy, np.zeros(1, int), data.states[row, -1:].astype(float))[0].numpy()
         if drawn[0].mean() > best[0]:
             best = float(drawn[0].mean()), drawn
     names = np.array(["obstacles", "rope", *data.layout.grippers])

@@ -20,6 +20,7 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.records import Prediction
 from fairlead.core.roles import Dynamics, Environment
 from fairlead.core.streams import stream_seed
+from fairlead.learning.device import CPU, beside, device_of
 from fairlead.learning.fit import Stage, Task, fit
 from fairlead.learning.model_files import Job, ModelFile, save_model
 from fairlead.learning.networks import NETWORKS, Shape
@@ -92,11 +93,12 @@ class Ensemble(nn.Module):
         count = wanted.shape[2]
         along = (positions[:, :, count - 1] - positions[:, :, 0] if count > 1 else wanted[:, :, 0])[..., :2].detach()
         length = along.norm(dim=-1, keepdim=True)
-        x, y = torch.where(length > 1e-6, along / length.clamp_min(1e-6), torch.tensor([1.0, 0.0])).unbind(-1)
+        ahead = along.new_tensor([1.0, 0.0])
+        x, y = torch.where(length > 1e-6, along / length.clamp_min(1e-6), ahead).unbind(-1)
         turn = torch.stack([x, -y, y, x], dim=-1).unflatten(-1, (2, 2))
         if self.planar:
             return turn
-        upright = torch.eye(3).expand(*turn.shape[:2], 3, 3).clone()
+        upright = torch.eye(3, device=turn.device).expand(*turn.shape[:2], 3, 3).clone()
         upright[..., :2, :2] = turn
         return upright
 
@@ -120,11 +122,11 @@ class LearnedDynamics(Dynamics):
     ) -> Prediction:
         members = self._module.members
         with torch.inference_mode():
-            s, a = (torch.from_numpy(np.asarray(x, np.float32)).expand(members, -1, -1) for x in (states, actions))
-            predicted = self._module(s, a)
+            s, a = (beside(self._module, np.asarray(x, np.float32)) for x in (states, actions))
+            predicted = self._module(s.expand(members, -1, -1), a.expand(members, -1, -1))
             mean = predicted.mean(0)
             spread = (predicted - mean).square().mean(0).sqrt().sum(-1)
-        return Prediction(mean.numpy(), spread.numpy())
+        return Prediction(mean.cpu().numpy(), spread.cpu().numpy())
 
 
 @final
@@ -146,7 +148,7 @@ class RolloutTask(Task):
     ) -> None:
         self.module, self._step, self._dynamics = module, step, dynamics
         self._data, self._members, self._mirror = data, members, mirror
-        self._windows = Windows(data.train)
+        self._windows = Windows(data.train, device_of(module))
 
     def order(self, stage: Stage, rng: np.random.Generator) -> Sequence[Int[np.ndarray, "member batch 2"]]:
         return self._windows.order(stage.horizon, stage.batch, self._members, rng)
@@ -154,9 +156,9 @@ class RolloutTask(Task):
     def loss(self, stage: Stage, indices: Int[np.ndarray, "member batch 2"], rng: np.random.Generator) -> Tensor:
         states, actions, scene = self._windows.at(indices, stage.horizon)
         if self._mirror:
-            flip = torch.from_numpy(1 - 2 * rng.integers(0, 2, indices.shape[:2]).astype(np.float32))
+            flip = beside(self.module, 1 - 2 * rng.integers(0, 2, indices.shape[:2]).astype(np.float32))
             states, actions = (_mirrored(x, flip) for x in (states, actions))
-        total = torch.zeros(())
+        total = states.new_zeros(())
         current = states[:, :, 0]
         for step in range(actions.shape[2]):
             current = self._step(current, actions[:, :, step], scene)
@@ -178,7 +180,7 @@ def _mirrored(vectors: Tensor, flip: Tensor) -> Tensor:
 def train_dynamics(data: Splits, config: DynamicsConfig, job: Job) -> LearnedDynamics:
     """Train the ensemble on unconstrained data and save it; delta is in its `metrics.json`."""
     started = time.monotonic()
-    module = Ensemble(data.layout, config, job.seed)
+    module = Ensemble(data.layout, config, job.seed).to(job.device)
     dynamics = LearnedDynamics(module)
     task = RolloutTask(
         module, lambda states, actions, _: module(states, actions), dynamics, data, config.members, mirror=True
@@ -191,9 +193,9 @@ def train_dynamics(data: Splits, config: DynamicsConfig, job: Job) -> LearnedDyn
     return dynamics
 
 
-def dynamics_from(model: ModelFile) -> LearnedDynamics:
+def dynamics_from(model: ModelFile, device: torch.device = CPU) -> LearnedDynamics:
     """The dynamics of a model that was read."""
     config = DynamicsConfig(**{**model.config, "stages": tuple(Stage(**stage) for stage in model.config["stages"])})
     module = Ensemble(model.layout, config, 0)
     model.load_into(module)
-    return LearnedDynamics(module)
+    return LearnedDynamics(module.to(device))

@@ -21,13 +21,14 @@ from fairlead.core.records import Prediction
 from fairlead.core.roles import Dynamics, Environment
 from fairlead.core.streams import stream_seed
 from fairlead.geometry.frames import local_origin
-from fairlead.geometry.voxels import Occupancy, VoxelGrid
+from fairlead.learning.device import beside, device_of
 from fairlead.learning.dynamics import UNIT_M, RolloutTask
 from fairlead.learning.fit import Stage, fit
 from fairlead.learning.model_files import Job, ModelFile, save_model
 from fairlead.learning.rollout import Splits, dynamics_metrics
 from fairlead.learning.trust_network import COARSE_GRID
 from fairlead.learning.trust_voxel import VoxelEncoder
+from fairlead.learning.voxels import Occupancy, VoxelGrid
 
 CODE = 5
 
@@ -84,14 +85,14 @@ class FullNetwork(nn.Module):
         actions: Float[Tensor, "batch action"],
     ) -> Float[Tensor, "batch state"]:
         """The next states [m]."""
-        current = states.detach().numpy()
-        code = self.code(self.encoder(torch.from_numpy(self.grid.draw(self.layout, occupancy, scene, current))))
-        origin = torch.from_numpy(local_origin(self.layout, current)).repeat(1, self.layout.state_size // 3)
+        current = states.detach().cpu().numpy()
+        code = self.code(self.encoder(self.grid.draw(self.layout, occupancy, scene, current)))
+        origin = beside(self, local_origin(self.layout, current)).repeat(1, self.layout.state_size // 3)
         local = torch.cat([states - origin, actions - origin[:, : actions.shape[1]]], dim=1) / UNIT_M
         product = self.vectors(local)[:, :, None] * code[:, None, :]
         change = UNIT_M * self.change(product.flatten(1))
         if self.planar:  # heights are left alone, as the unconstrained dynamics do
-            change = change * torch.tensor([1.0, 1.0, 0.0]).repeat(self.layout.state_size // 3)
+            change = change * change.new_tensor([1.0, 1.0, 0.0]).repeat(self.layout.state_size // 3)
         return states + change
 
 
@@ -112,11 +113,11 @@ class LearnedFullDynamics(Dynamics):
         states: Float[np.ndarray, "batch state"],
         actions: Float[np.ndarray, "batch action"],
     ) -> Prediction:
-        occupancy = Occupancy.of([environment], self._module.grid.resolution)
+        occupancy = Occupancy.of([environment], self._module.grid.resolution, device_of(self._module))
         scene = np.zeros(len(states), np.intp)
         with torch.inference_mode():
-            s, a = (torch.from_numpy(np.asarray(x, np.float32)) for x in (states, actions))
-            mean = self._module(occupancy, scene, s, a).numpy()
+            s, a = (beside(self._module, np.asarray(x, np.float32)) for x in (states, actions))
+            mean = self._module(occupancy, scene, s, a).cpu().numpy()
         return Prediction(mean, np.zeros(len(mean), np.float32))
 
 
@@ -129,8 +130,8 @@ def _build(layout: StateLayout, config: FullDynamicsConfig, seed: int) -> FullNe
 def train_full_dynamics(data: Splits, config: FullDynamicsConfig, job: Job) -> LearnedFullDynamics:
     """Train the baseline on data among obstacles (as much as both phases have together) and save it."""
     started = time.monotonic()
-    module = _build(data.layout, config, job.seed)
-    occupancy = Occupancy.of(data.train.environments, config.grid.resolution)
+    module = _build(data.layout, config, job.seed).to(job.device)
+    occupancy = Occupancy.of(data.train.environments, config.grid.resolution, job.device)
 
     def step(states: Tensor, actions: Tensor, scene: Tensor) -> Tensor:
         return module(occupancy, scene[0].numpy(), states[0], actions[0])[None]

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+import torch
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save
 from torch import Tensor, nn
@@ -24,6 +25,7 @@ from fairlead.core.artifacts import (
 )
 from fairlead.core.errors import ArtifactError
 from fairlead.core.layout import StateLayout
+from fairlead.learning.device import device_name, training_device
 from fairlead.learning.fit import CHECKPOINT
 
 Names = str | tuple[str, ...]
@@ -44,12 +46,14 @@ class Job:
         scenario: name of the scenario whose data these are.
         seed: everything random in training derives from it.
         inputs: name of each input (a dataset, another model) to the hash of its manifest.
+        device: where training computes.
     """
 
     folder: Path
     scenario: str
     seed: int = 0
     inputs: Mapping[str, str] = field(default_factory=dict)
+    device: torch.device = field(default_factory=training_device)
 
     def key(self, kind: str, config: Any) -> str:
         """What a checkpoint must agree with to be continued."""
@@ -94,7 +98,7 @@ def save_model(
     """Write a model's folder; the manifest comes last, the checkpoint goes."""
     folder = job.folder
     (folder / MANIFEST).unlink(missing_ok=True)
-    contiguous = {name: tensor.detach().contiguous() for name, tensor in tensors.items()}
+    contiguous = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
     write_atomic(folder / "model.safetensors", save(contiguous, {"kind": kind, "network": network}))
     about = {
         "kind": kind,
@@ -108,7 +112,8 @@ def save_model(
     write_atomic(folder / "card.md", model_card(about, job.seed, job.inputs, metrics))
     names = ("model.safetensors", "config.json", "metrics.json", "card.md", "curves.csv", "curves.png")
     files = {name: sha256(folder / name) for name in names if (folder / name).exists()}
-    Manifest("model", about, job.seed, files, dict(job.inputs), {}, wall_s).write(folder)
+    extra = {"device": device_name(job.device)}
+    Manifest("model", about, job.seed, files, dict(job.inputs), extra, wall_s).write(folder)
     (folder / CHECKPOINT).unlink(missing_ok=True)
 
 

@@ -78,7 +78,8 @@ class Chain(DynamicsNetwork):
         other = (shape.grippers - 1) * shape.axes
         inputs, outputs = links + other + moved, moved + links
         self.layers = ResidualStack(shape.members, inputs, shape.hidden, shape.blocks, outputs, generator)
-        self.share = torch.linspace(0, 1, shape.points)
+        self.share: Tensor
+        self.register_buffer("share", torch.linspace(0, 1, shape.points), persistent=False)
 
     def forward(
         self,

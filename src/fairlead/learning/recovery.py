@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from fairlead.core.errors import FairleadError
 from fairlead.core.roles import ActionSampler, Dynamics, Environment, RecoveryPolicy, TransitionCheck
 from fairlead.core.streams import stream, stream_seed
+from fairlead.learning.device import beside
 from fairlead.learning.fit import Stage, Task, fit
 from fairlead.learning.labels import CUT_BY_ARMS
 from fairlead.learning.metrics import log_loss
@@ -87,7 +88,7 @@ class RecoveryTask(Task):
 
     def loss(self, stage: Stage, indices: Int[np.ndarray, " row"], rng: np.random.Generator) -> Tensor:
         inputs, share = self._train
-        target = torch.from_numpy(share[indices].astype(np.float32))
+        target = beside(self.module, share[indices].astype(np.float32))
         logits = self._network(*self._network.augment(inputs(indices), rng))
         return nn.functional.binary_cross_entropy_with_logits(logits, target)
 
@@ -129,7 +130,7 @@ class LearnedRecovery(RecoveryPolicy):
             return np.full(actions.shape[:2], 0.5)
         with torch.inference_mode():
             logits = self._network.judge(environment, states, actions)
-        return torch.sigmoid(logits).numpy().reshape(actions.shape[:2])
+        return torch.sigmoid(logits).cpu().numpy().reshape(actions.shape[:2])
 
 
 def train_recovery(
@@ -157,7 +158,7 @@ def train_recovery(
     metrics |= {name: examples.counts() for name, examples in found.items()}
     network = None
     if metrics["trained"]:
-        network = _build(trust, config, job.seed)
+        network = _build(trust, config, job.seed).to(job.device)
         inputs = {name: network.prepare(getattr(data, name).environments, e) for name, e in found.items() if len(e)}
         sets = [(inputs[name], found[name].share) for name in ("train", "validation")]
         fit(RecoveryTask(network, *sets), config.stages, job.seed, job.folder,

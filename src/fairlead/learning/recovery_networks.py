@@ -19,6 +19,7 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.records import Transitions
 from fairlead.core.roles import Environment
 from fairlead.geometry.frames import local_origin
+from fairlead.learning.device import beside
 from fairlead.learning.labels import Examples
 from fairlead.learning.stuck import RecoveryExamples
 from fairlead.learning.trust_network import Inputs
@@ -81,7 +82,8 @@ class FrozenRecovery(RecoveryNetwork):
         for scene in np.unique(examples.scene):
             of = np.flatnonzero(examples.scene == scene)
             rows[of] = self._inputs(environments[scene], examples.states[of], examples.actions[of, None])
-        return lambda chosen: (torch.from_numpy(rows[chosen]),)
+        there = beside(self, rows)
+        return lambda chosen: (there[chosen],)
 
     def standardise(self, inputs: Inputs, count: int) -> None:
         """Nothing to do: BatchNorm."""
@@ -95,7 +97,7 @@ class FrozenRecovery(RecoveryNetwork):
         states: Float[np.ndarray, "batch state"],
         actions: Float[np.ndarray, "batch sample action"],
     ) -> Float[Tensor, " judged"]:
-        return self(torch.from_numpy(self._inputs(environment, states, actions)))
+        return self(beside(self, self._inputs(environment, states, actions)))
 
     def _inputs(
         self,

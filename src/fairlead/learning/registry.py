@@ -8,6 +8,7 @@ import torch
 
 from fairlead.core.errors import FairleadError
 from fairlead.core.roles import ActionSampler, Dynamics
+from fairlead.learning.device import CPU
 from fairlead.learning.dynamics import dynamics_from
 from fairlead.learning.full_dynamics import full_dynamics_from
 from fairlead.learning.model_files import Names, read_model
@@ -22,9 +23,9 @@ def use_threads(count: int) -> None:
     torch.set_num_threads(count)
 
 
-def load_dynamics(folder: Path, scenario: Names) -> Dynamics:
+def load_dynamics(folder: Path, scenario: Names, device: torch.device = CPU) -> Dynamics:
     """The unconstrained dynamics in `folder`, trained for `scenario`."""
-    return dynamics_from(read_model(folder, "dynamics", scenario))
+    return dynamics_from(read_model(folder, "dynamics", scenario), device)
 
 
 def load_full_dynamics(folder: Path, scenario: Names) -> Dynamics:
@@ -37,9 +38,9 @@ def load_delta(folder: Path, scenario: Names) -> float:
     return float(read_model(folder, "dynamics", scenario).metrics["delta_m"])
 
 
-def load_check(folder: Path, scenario: Names) -> LearnedCheck:
+def load_check(folder: Path, scenario: Names, device: torch.device = CPU) -> LearnedCheck:
     """The trust classifier in `folder`, trained for `scenario`."""
-    return check_from(read_model(folder, "trust", scenario))
+    return check_from(read_model(folder, "trust", scenario), device)
 
 
 def load_recovery(folder: Path, scenario: Names, sampler: ActionSampler) -> LearnedRecovery:

@@ -15,6 +15,7 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.records import Trajectories
 from fairlead.core.roles import Dynamics, Environment
 from fairlead.geometry.distance import model_error, point_error
+from fairlead.learning.device import CPU
 
 DELTA_PERCENTILE = 90.0
 DELTA_STEPS = 10
@@ -90,11 +91,11 @@ def dynamics_metrics(dynamics: Dynamics, data: Splits) -> dict[str, object]:
 
 
 class Windows:
-    """Every run of `horizon` steps in a dataset, as tensors, by (trajectory, first step)."""
+    """Every run of `horizon` steps in a dataset, as tensors on a device, by (trajectory, first step)."""
 
-    def __init__(self, data: Trajectories) -> None:
-        self.states = torch.from_numpy(np.ascontiguousarray(data.states, np.float32))
-        self.actions = torch.from_numpy(np.ascontiguousarray(data.actions, np.float32))
+    def __init__(self, data: Trajectories, device: torch.device = CPU) -> None:
+        self.states = torch.from_numpy(np.ascontiguousarray(data.states, np.float32)).to(device)
+        self.actions = torch.from_numpy(np.ascontiguousarray(data.actions, np.float32)).to(device)
         self.scene = torch.from_numpy(np.ascontiguousarray(data.scene, np.int64))
 
     def order(
@@ -114,12 +115,14 @@ class Windows:
         Float[Tensor, "member batch steps action"],
         Int[Tensor, "member batch"],
     ]:
-        """States, actions and scenes of windows."""
+        """States, actions and scenes (these on the processor) of windows."""
         horizon = min(horizon, self.actions.shape[1])
         trajectory, first = torch.from_numpy(indices).unbind(-1)
-        steps = first[..., None] + torch.arange(horizon + 1)
+        scene, device = self.scene[trajectory], self.states.device
+        trajectory = trajectory.to(device)
+        steps = (first[..., None] + torch.arange(horizon + 1)).to(device)
         return (
             self.states[trajectory[..., None], steps],
             self.actions[trajectory[..., None], steps[..., :-1]],
-            self.scene[trajectory],
+            scene,
         )

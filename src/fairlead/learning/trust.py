@@ -17,7 +17,7 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.records import Trajectories, Transitions
 from fairlead.core.roles import Dynamics, Environment, TransitionCheck
 from fairlead.core.streams import stream, stream_seed
-from fairlead.geometry.voxels import VoxelGrid
+from fairlead.learning.device import CPU, beside
 from fairlead.learning.fit import Stage, Task, fit
 from fairlead.learning.labels import CUT_BY_ARMS, RULES, Examples, label
 from fairlead.learning.metrics import balanced_log_loss, best_threshold, classification
@@ -26,6 +26,7 @@ from fairlead.learning.rollout import Splits
 from fairlead.learning.trust_network import Inputs, TrustConfig, TrustNetwork
 from fairlead.learning.trust_sdf import SdfTrust
 from fairlead.learning.trust_voxel import VoxelTrust
+from fairlead.learning.voxels import VoxelGrid
 
 HELD_OUT = 15_000
 """Most examples of validation and of test: the same ones for every network, so that their metrics can be compared."""
@@ -61,7 +62,7 @@ class LearnedCheck(TransitionCheck):
         next_encodings: Float[np.ndarray, "batch feature"],
     ) -> Float[np.ndarray, " batch"]:
         with torch.inference_mode():
-            return torch.sigmoid(self.network.judge(transitions, encodings, next_encodings)).numpy()
+            return torch.sigmoid(self.network.judge(transitions, encodings, next_encodings)).cpu().numpy()
 
 
 @final
@@ -83,7 +84,7 @@ class TrustTask(Task):
 
     def loss(self, stage: Stage, indices: Int[np.ndarray, " row"], rng: np.random.Generator) -> Tensor:
         inputs = self._network.augment(self._train_inputs(indices), rng)
-        target = torch.from_numpy(self._labels[indices].astype(np.float32))
+        target = beside(self.module, self._labels[indices].astype(np.float32))
         return nn.functional.binary_cross_entropy_with_logits(self._network(*inputs), target)
 
     def score(self) -> float:
@@ -105,7 +106,7 @@ def probabilities(network: nn.Module, inputs: Inputs, count: int) -> Float[np.nd
     """What the network says of each of `count` examples."""
     with torch.inference_mode():
         rows = np.array_split(np.arange(count), max(1, count // _ROWS))
-        return torch.sigmoid(torch.cat([network(*inputs(chunk)) for chunk in rows])).numpy()
+        return torch.sigmoid(torch.cat([network(*inputs(chunk)) for chunk in rows])).cpu().numpy()
 
 
 @dataclass(frozen=True)
@@ -148,7 +149,7 @@ def fit_trust(labelled: Labelled, config: TrustConfig, job: Job, started: float 
     limits = {"train": config.limit, "validation": HELD_OUT, "test": HELD_OUT}
     examples = {name: e.sample(limits[name], stream(job.seed, "examples", name)) for name, e in whole.items()}
     layout = whole["train"].layout
-    network = build_network(layout, config, job.seed)
+    network = build_network(layout, config, job.seed).to(job.device)
     task = TrustTask(network, examples["train"], examples["validation"])
     key, title = job.key(f"trust at {delta!r}", config), f"trust ({config.network})"
     fit(task, config.stages, job.seed, job.folder, key=key, patience=config.patience, title=title)
@@ -170,8 +171,8 @@ def trust_config_from(values: dict[str, Any]) -> TrustConfig:
     return TrustConfig(**{**values, "stages": stages, "grid": grid})
 
 
-def check_from(model: ModelFile) -> LearnedCheck:
+def check_from(model: ModelFile, device: torch.device = CPU) -> LearnedCheck:
     """The check of a model that was read."""
     network = build_network(model.layout, trust_config_from(model.config), 0)
     model.load_into(network)
-    return LearnedCheck(network)
+    return LearnedCheck(network.to(device))

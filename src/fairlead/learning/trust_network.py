@@ -15,9 +15,9 @@ from fairlead.core.errors import FairleadError, UnknownNameError
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import Transitions
 from fairlead.core.roles import Environment
-from fairlead.geometry.voxels import VoxelGrid
 from fairlead.learning.fit import Stage
 from fairlead.learning.labels import RULES, Examples
+from fairlead.learning.voxels import VoxelGrid
 
 Inputs = Callable[[Int[np.ndarray, " row"]], tuple[Tensor, ...]]
 

@@ -17,6 +17,7 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.records import Transitions
 from fairlead.core.roles import Environment
 from fairlead.geometry.frames import heading, local_origin, turn_into
+from fairlead.learning.device import beside
 from fairlead.learning.labels import Examples
 from fairlead.learning.trust_network import Inputs, TrustConfig, TrustNetwork
 
@@ -73,7 +74,8 @@ class SdfTrust(TrustNetwork):
             t = examples.take(rows).transitions
             fields = (self.encode(environment, states) for states in (t.states, t.next_states))
             chain[rows], whole[rows] = self._features(t, *fields)
-        return lambda rows: (torch.from_numpy(chain[rows]), torch.from_numpy(whole[rows]))
+        there = beside(self, chain), beside(self, whole)
+        return lambda rows: (there[0][rows], there[1][rows])
 
     def standardise(self, inputs: Inputs, count: int) -> None:
         chain, whole = inputs(np.arange(count))
@@ -88,9 +90,9 @@ class SdfTrust(TrustNetwork):
         """
         if not self.config.augment:
             return inputs
-        chain, whole = _signed(inputs, _some(len(inputs[0]), rng), self._axes, (1, -1, 1))
+        chain, whole = _signed(inputs, self._some(len(inputs[0]), rng), self._axes, (1, -1, 1))
         if len(self.layout.grippers) == 2:
-            some, a = _some(len(chain), rng), self._axes
+            some, a = self._some(len(chain), rng), self._axes
             chain = torch.where(some[:, None, None], chain.flip(1), chain)
             exchanged = torch.cat([whole[:, a : 2 * a], whole[:, :a], whole[:, 2 * a :]], dim=1)
             whole = torch.where(some[:, None], exchanged, whole)
@@ -109,7 +111,7 @@ class SdfTrust(TrustNetwork):
         encodings: Float32[np.ndarray, "batch feature"],
         next_encodings: Float32[np.ndarray, "batch feature"],
     ) -> Float[Tensor, " batch"]:
-        return self(*map(torch.from_numpy, self._features(transitions, encodings, next_encodings)))
+        return self(*(beside(self, x) for x in self._features(transitions, encodings, next_encodings)))
 
     def _features(
         self,
@@ -130,6 +132,10 @@ class SdfTrust(TrustNetwork):
         whole = np.concatenate([self._turned(along, asked).reshape(batch, -1), doubt], axis=1, dtype=np.float32)
         return np.concatenate([*vectors, *distances], axis=-1, dtype=np.float32), whole
 
+    def _some(self, count: int, rng: np.random.Generator) -> Tensor:
+        """Half of the rows, by chance."""
+        return beside(self, rng.random(count) < 0.5)
+
     def _turned(
         self, along: Float[np.ndarray, "batch 2"], vectors: Float[np.ndarray, "batch position 3"]
     ) -> Float[np.ndarray, "batch position axis"]:
@@ -137,16 +143,11 @@ class SdfTrust(TrustNetwork):
         return flat if self._axes == 2 else np.concatenate([flat, vectors[..., 2:]], axis=-1)
 
 
-def _some(count: int, rng: np.random.Generator) -> Tensor:
-    """Half of the rows, by chance."""
-    return torch.from_numpy(rng.random(count) < 0.5)
-
-
 def _signed(inputs: tuple[Tensor, ...], rows: Tensor, axes: int, signs: tuple[int, int, int]) -> tuple[Tensor, Tensor]:
     """Chain and whole features with the signs of the axes of every vector changed in some rows."""
-    axis = torch.tensor(signs[:axes], dtype=torch.float32)
+    axis = inputs[0].new_tensor(signs[:axes])
     signed = []
     for x, scalars in zip(inputs, (2, 1), strict=True):
-        sign = torch.cat([axis.repeat((x.shape[-1] - scalars) // axes), torch.ones(scalars)])
+        sign = torch.cat([axis.repeat((x.shape[-1] - scalars) // axes), axis.new_ones(scalars)])
         signed.append(torch.where(rows.view(-1, *[1] * (x.ndim - 1)), x * sign, x))
     return signed[0], signed[1]

@@ -15,9 +15,10 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.records import Transitions
 from fairlead.core.roles import Environment
 from fairlead.geometry.frames import local_origin
-from fairlead.geometry.voxels import Occupancy, VoxelGrid
+from fairlead.learning.device import beside, device_of
 from fairlead.learning.labels import Examples
 from fairlead.learning.trust_network import Inputs, TrustConfig, TrustNetwork
+from fairlead.learning.voxels import Occupancy, VoxelGrid
 
 FILTERS = 26
 LAYERS = 3
@@ -89,13 +90,13 @@ class VoxelTrust(TrustNetwork):
         return self.out(self.lstm(torch.relu(dense))[0][1]).squeeze(-1)
 
     def prepare(self, examples: Examples) -> Inputs:
-        occupancy = Occupancy.of(examples.environments, self.grid.resolution)
+        occupancy = Occupancy.of(examples.environments, self.grid.resolution, device_of(self))
 
         def inputs(rows: np.ndarray) -> tuple[Tensor, ...]:
             t, scene = examples.take(rows).transitions, examples.scene[rows]
-            drawn = np.stack([self.grid.draw(self.layout, occupancy, scene, s) for s in (t.states, t.next_states)])
+            drawn = torch.stack([self.grid.draw(self.layout, occupancy, scene, s) for s in (t.states, t.next_states)])
             states = torch.stack([self._vectors(t.states), self._vectors(t.next_states)])
-            return torch.from_numpy(drawn), states, self._extra(t)
+            return drawn, states, self._extra(t)
 
         return inputs
 
@@ -126,14 +127,14 @@ class VoxelTrust(TrustNetwork):
     def frozen(
         self, environment: Environment, states: Float[np.ndarray, "batch state"]
     ) -> Float32[np.ndarray, "batch frozen"]:
-        return self._look(environment, states).numpy()
+        return self._look(environment, states).cpu().numpy()
 
     def encode(
         self, environment: Environment, states: Float[np.ndarray, "batch state"]
     ) -> Float32[np.ndarray, "batch feature"]:
         weight, bias = self._folded()
         seen = torch.cat([self._look(environment, states), self._vectors(states)], dim=1)
-        return torch.addmm(bias, seen, weight[:, : self._of_state].T).numpy()
+        return torch.addmm(bias, seen, weight[:, : self._of_state].T).cpu().numpy()
 
     def judge(
         self,
@@ -142,25 +143,24 @@ class VoxelTrust(TrustNetwork):
         next_encodings: Float32[np.ndarray, "batch feature"],
     ) -> Float[Tensor, " batch"]:
         weight, _ = self._folded()
-        encoded = torch.from_numpy(np.stack([encodings, next_encodings]))
+        encoded = beside(self, np.stack([encodings, next_encodings]))
         return self._recur(encoded + self._extra(transitions) @ weight[:, self._of_state :].T)
 
     def _look(self, environment: Environment, states: Float[np.ndarray, "batch state"]) -> Float[Tensor, "batch f"]:
-        occupancy = Occupancy.of([environment], self.grid.resolution)
-        drawn = self.grid.draw(self.layout, occupancy, np.zeros(len(states), np.intp), states)
-        return self.encoder(torch.from_numpy(drawn))
+        occupancy = Occupancy.of([environment], self.grid.resolution, device_of(self))
+        return self.encoder(self.grid.draw(self.layout, occupancy, np.zeros(len(states), np.intp), states))
 
     def _vectors(self, states: Float[np.ndarray, "batch state"]) -> Float[Tensor, "batch vector"]:
         """World-frame and local state."""
         local = states - np.tile(local_origin(self.layout, states), self.layout.state_size // 3)
-        return torch.from_numpy(np.concatenate([states, local], axis=1, dtype=np.float32))
+        return beside(self, np.concatenate([states, local], axis=1, dtype=np.float32))
 
     def _extra(self, t: Transitions) -> Float[Tensor, "2 batch extra"]:
         """The action in the local frame of each of the two states, and the spread of the prediction."""
         grippers = len(self.layout.grippers)
         local = [t.actions - np.tile(local_origin(self.layout, s), grippers) for s in (t.states, t.next_states)]
         both = [np.concatenate([a, t.spread[:, None]], axis=1, dtype=np.float32) for a in local]
-        return torch.from_numpy(np.stack(both))
+        return beside(self, np.stack(both))
 
     def _folded(self) -> tuple[Float[Tensor, "hidden input"], Float[Tensor, " hidden"]]:
         """Dense(BatchNorm(x)) = W' x + b' with the running statistics."""
@@ -174,7 +174,7 @@ class VoxelTrust(TrustNetwork):
 
 def transformed(vectors: Float[Tensor, "*batch 3"], symmetry: Int[np.ndarray, " 3"]) -> Float[Tensor, "*batch 3"]:
     """Mirror x, mirror y, exchange x and y: each where `symmetry` is 1."""
-    x, y, z = (vectors * torch.tensor([*(1 - 2.0 * symmetry[:2]), 1.0], dtype=vectors.dtype)).unbind(-1)
+    x, y, z = (vectors * vectors.new_tensor([*(1 - 2.0 * symmetry[:2]), 1.0])).unbind(-1)
     return torch.stack([y, x, z] if symmetry[2] else [x, y, z], dim=-1)
 
 

@@ -15,6 +15,7 @@ from typing import Any
 
 from fairlead.core.artifacts import MANIFEST, Manifest, read_json, read_manifest, sha256, write_json
 from fairlead.evaluation.bench import TrialsConfig
+from fairlead.learning.device import training_device
 from fairlead.learning.model_files import Job
 from fairlead.learning.registry import load_delta, load_dynamics
 from fairlead.learning.trust import Labelled, fit_trust
@@ -50,7 +51,7 @@ def sensitivity(
     @cache
     def labelled() -> Labelled:
         found = stages.splits(data, scenario, 2)
-        return Labelled.by(load_dynamics(dynamics, scenario.kin), found, max(config.deltas_m), trust)
+        return Labelled.by(load_dynamics(dynamics, scenario.kin, training_device()), found, max(config.deltas_m), trust)
 
     def train(delta: float, job: Job) -> None:
         fit_trust(labelled().at(delta), replace(trust, delta_m=delta), job)

@@ -111,7 +111,7 @@ def trust(scenario: Scenario, data: Path, dynamics: Path, config: TrustConfig, o
     """Train a trust classifier on phase 2 data, labelled at the delta of the dynamics or of the configuration."""
 
     def train(job: Job) -> None:
-        model = load_dynamics(dynamics, scenario.kin)
+        model = load_dynamics(dynamics, scenario.kin, job.device)
         delta = load_delta(dynamics, scenario.kin) if config.delta_m is None else config.delta_m
         train_trust(model, splits(data, scenario, 2), delta, config, job)
 
@@ -124,7 +124,8 @@ def recovery(
     """Train recovery on the states of phase 2 data in which the classifier accepts nothing."""
 
     def train(job: Job) -> None:
-        model, check = load_dynamics(dynamics, scenario.kin), load_check(trust, scenario.kin)
+        model = load_dynamics(dynamics, scenario.kin, job.device)
+        check = load_check(trust, scenario.kin, job.device)
         trusted = within_reach(check, scenario)
         train_recovery(model, check, trusted, scenario.sampler, splits(data, scenario, 2), config, job)
 

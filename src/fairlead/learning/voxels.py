@@ -6,31 +6,36 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float, Float32, Int
+from torch import Tensor
 
 from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
 from fairlead.core.roles import Environment
 from fairlead.geometry.frames import local_origin
+from fairlead.learning.device import CPU
 
 
 @dataclass(frozen=True)
 class Occupancy:
     """The occupancy grids of several environments on the same cells, with a border of free cells.
 
-    grids[e] belongs to environment e; `origin` is the centre of the first cell inside the border [m].
+    grids[e] belongs to environment e; `origin` is the centre of the first cell inside the border [m]. Voxels are drawn
+    on the device where the grids are.
     """
 
-    grids: Bool[np.ndarray, "environment nx ny nz"]
+    grids: Bool[Tensor, "environment nx ny nz"]
     origin: Float[np.ndarray, " 3"]
 
     @classmethod
-    def of(cls, environments: Sequence[Environment], resolution: float) -> Occupancy:
+    def of(cls, environments: Sequence[Environment], resolution: float, device: torch.device = CPU) -> Occupancy:
         """Occupancy of environments that share their bounds, at that cell size [m]."""
         found = [environment.occupancy(resolution) for environment in environments]
         if any(grid.shape != found[0][0].shape or not np.allclose(origin, found[0][1]) for grid, origin in found):
             raise FairleadError("environments that are voxelised together must have the same bounds")
-        return cls(np.pad(np.stack([grid for grid, _ in found]), ((0, 0), (1, 1), (1, 1), (1, 1))), found[0][1])
+        grids = np.pad(np.stack([grid for grid, _ in found]), ((0, 0), (1, 1), (1, 1), (1, 1)))
+        return cls(torch.from_numpy(grids).to(device), found[0][1])
 
 
 @dataclass(frozen=True)
@@ -65,47 +70,44 @@ class VoxelGrid:
         occupancy: Occupancy,
         environment: Int[np.ndarray, " batch"],
         states: Float[np.ndarray, "batch state"],
-    ) -> Float32[np.ndarray, "batch channel nx ny nz"]:
+    ) -> Float32[Tensor, "batch channel nx ny nz"]:
         """Occupancy about each state in its environment, then the rope and the grippers drawn as Gaussians.
 
         Outside the map is free.
         """
-        corner = self.corner(layout, states, occupancy.origin)
-        drawn = np.empty((len(states), self.channels(layout), *self.shape), np.float32)
-        drawn[:, 0] = self._crop(occupancy.grids, environment, corner)
+        corner, device = self.corner(layout, states, occupancy.origin), occupancy.grids.device
         low = occupancy.origin + self.resolution * corner
-        self._paint(drawn[:, 1], layout.points_of(states) - low[:, None])
-        for index in range(len(layout.grippers)):
-            self._paint(drawn[:, 2 + index], layout.grippers_of(states)[:, index : index + 1] - low[:, None])
+        local = (states.reshape(len(states), -1, 3) - low[:, None]).astype(np.float32)
+        scene, first, positions = (torch.from_numpy(x).to(device) for x in (environment, corner, local))
+        drawn = torch.empty((len(states), self.channels(layout), *self.shape), device=device)
+        drawn[:, 0] = self._crop(occupancy.grids, scene, first)
+        grippers = len(layout.grippers)
+        self._paint(drawn[:, 1], positions[:, grippers:])
+        for index in range(grippers):
+            self._paint(drawn[:, 2 + index], positions[:, index : index + 1])
         return drawn
 
     def _crop(
         self,
-        grids: Bool[np.ndarray, "environment nx ny nz"],
-        environment: Int[np.ndarray, " batch"],
-        corner: Int[np.ndarray, "batch 3"],
-    ) -> Bool[np.ndarray, "batch cx cy cz"]:
-        size = np.array(grids.shape[1:])
+        grids: Bool[Tensor, "environment nx ny nz"],
+        environment: Int[Tensor, " batch"],
+        corner: Int[Tensor, "batch 3"],
+    ) -> Bool[Tensor, "batch cx cy cz"]:
+        size = grids.shape[1:]
         x, y, z = (
-            np.clip(corner[:, axis, None] + np.arange(self.shape[axis]) + 1, 0, size[axis] - 1) for axis in range(3)
+            (corner[:, axis, None] + torch.arange(self.shape[axis], device=grids.device) + 1).clamp(0, size[axis] - 1)
+            for axis in range(3)
         )
-        row = (environment[:, None] * size[0] + x) * size[1]
-        flat = ((row[:, :, None] + y[:, None, :]) * size[2])[..., None] + z[:, None, None, :]
-        return grids.reshape(-1)[flat]
+        return grids[environment[:, None, None, None], x[:, :, None, None], y[:, None, :, None], z[:, None, None, :]]
 
-    def _paint(
-        self, channel: Float32[np.ndarray, "batch nx ny nz"], points: Float[np.ndarray, "batch point 3"]
-    ) -> None:
+    def _paint(self, channel: Float32[Tensor, "batch nx ny nz"], points: Float32[Tensor, "batch point 3"]) -> None:
         """max_p exp(-k |c - p|^2) at each cell centre c: a product of one factor an axis, so cheap."""
+        centres = [self.resolution * torch.arange(cells, device=points.device) for cells in self.shape]
         factors = [
-            np.exp(-self.sharpness * (points[..., axis, None] - self.resolution * np.arange(cells)) ** 2).astype(
-                np.float32
-            )
-            for axis, cells in enumerate(self.shape)
+            (-self.sharpness * (points[..., axis, None] - centre).square()).exp() for axis, centre in enumerate(centres)
         ]
-        channel[:] = 0.0
-        value = np.empty_like(channel)
-        for x, y, z in zip(*(np.moveaxis(factor, 1, 0) for factor in factors), strict=True):
-            plane = (y[:, :, None] * z[:, None, :])[:, None]
-            np.multiply(x[:, :, None, None], plane, out=value)
-            np.maximum(channel, value, out=channel)
+        channel.zero_()
+        value = torch.empty_like(channel)
+        for x, y, z in zip(*(factor.unbind(1) for factor in factors), strict=True):
+            torch.mul(x[:, :, None, None], (y[:, :, None] * z[:, None, :])[:, None], out=value)
+            torch.maximum(channel, value, out=channel)

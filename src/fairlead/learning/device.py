@@ -1,0 +1,32 @@
+"""Where networks compute: in training on a graphics card, where there is one; in planning on the processor.
+
+A plan asks about few transitions at a time, and trials run in many processes: a processor is faster at that.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+CPU = torch.device("cpu")
+
+
+def training_device() -> torch.device:
+    """The graphics card that CUDA shows first, or else the processor."""
+    return torch.device("cuda") if torch.cuda.is_available() else CPU
+
+
+def device_name(device: torch.device) -> str:
+    """What a manifest says of it."""
+    return torch.cuda.get_device_name(device) if device.type == "cuda" else device.type
+
+
+def device_of(module: nn.Module) -> torch.device:
+    """Where a module's weights are."""
+    return next(module.parameters()).device
+
+
+def beside(module: nn.Module, array: np.ndarray) -> Tensor:
+    """An array as a tensor where the module's weights are."""
+    return torch.from_numpy(array).to(device_of(module))
