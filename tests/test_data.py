@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -62,6 +63,17 @@ def test_every_trajectory_is_there_once_in_one_split(dataset: Path) -> None:
     episodes = np.concatenate([shard.episode for shard in all_shards(dataset)])
     assert sorted(episodes) == list(range(CONFIG.trajectories))
     assert verify(dataset)["transitions"] == CONFIG.trajectories * CONFIG.steps
+
+
+@pytest.mark.parametrize("count", [32, 37])
+def test_the_first_trajectories_are_what_a_shorter_recording_holds(dataset: Path, tmp_path: Path, count: int) -> None:
+    collect(FakeScenario(), replace(CONFIG, trajectories=count), tmp_path / "short")
+    for split in SPLITS:
+        part, short = load(dataset, split, FakeScenario(), count), load(tmp_path / "short", split, FakeScenario())
+        for name in ("states", "actions", "outcomes"):
+            np.testing.assert_array_equal(getattr(part, name), getattr(short, name))
+        held = [[data.environments[scene].boxes for scene in data.scene] for data in (part, short)]
+        assert held[0] == held[1]
 
 
 def test_no_scene_and_no_lane_is_in_two_splits(dataset: Path) -> None:

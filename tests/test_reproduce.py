@@ -66,7 +66,7 @@ def test_the_dual_arm_takes_the_same_line(tmp_path: Path) -> None:
     assert "trust+recovery" in (tmp_path / "report" / "report.html").read_text()
 
 
-@pytest.mark.parametrize(("name", "every"), [("phase1", 8), ("phase2", 2), ("full", 2)])
+@pytest.mark.parametrize(("name", "every"), [("phase1", 8), ("phase2", 2)])
 def test_obstacles_move_as_often_as_the_preset_says(line: Path, name: str, every: int) -> None:
     assert read_manifest(line / "data" / name, "dataset").config["obstacles_every"] == every
 
@@ -162,13 +162,11 @@ def test_every_artifact_has_a_manifest(line: Path) -> None:
 def test_a_second_run_trains_nothing_again(line: Path) -> None:
     weights = sorted((line / "models").glob("*/model.safetensors"))
     before = [(path, path.stat().st_mtime_ns) for path in weights]
-    for name in ("dynamics", "full-dynamics"):
-        data = line / "data" / ("phase1" if name == "dynamics" else "full")
-        train = stages.dynamics if name == "dynamics" else stages.full_dynamics
-        config = SMOKE.dynamics if name == "dynamics" else SMOKE.full_dynamics
-        train(DRAGGING, data, config, line / "models" / name, 0)
-    stages.trust(DRAGGING, line / "data" / "phase2", line / "models" / "dynamics", SMOKE.trust_sdf,
-                 line / "models" / "trust-sdf", 0)  # fmt: skip
+    models, phase2 = line / "models", line / "data" / "phase2"
+    stages.dynamics(DRAGGING, line / "data" / "phase1", SMOKE.dynamics, models / "dynamics", 0)
+    full, among = stages.Part(phase2, SMOKE.full), stages.Part(phase2, SMOKE.phase2)
+    stages.full_dynamics(DRAGGING, full, SMOKE.full_dynamics, models / "full-dynamics", 0)
+    stages.trust(DRAGGING, among, models / "dynamics", SMOKE.trust_sdf, models / "trust-sdf", 0)
     assert before == [(path, path.stat().st_mtime_ns) for path in weights]
 
 
@@ -179,8 +177,10 @@ def test_a_finished_model_is_never_taken_for_another_nor_overwritten(line: Path)
         stages.finished(model, SMOKE.dynamics, data, 1)
     with pytest.raises(ArtifactError, match="other settings"):
         stages.finished(model, replace(SMOKE.dynamics, hidden=33), data, 0)
-    with pytest.raises(ArtifactError, match="other inputs"):
-        stages.finished(model, SMOKE.dynamics, {"data": line / "data" / "phase2"}, 0)
+    others: list[Path | stages.Part] = [line / "data" / "phase2", stages.Part(line / "data" / "phase1", 8)]
+    for other in others:
+        with pytest.raises(ArtifactError, match="other inputs"):
+            stages.finished(model, SMOKE.dynamics, {"data": other}, 0)
 
 
 def test_data_of_another_stage_are_refused_by_name(line: Path, tmp_path: Path) -> None:

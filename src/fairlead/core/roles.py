@@ -7,10 +7,11 @@ All take and return numpy arrays with a leading batch axis. Every class is abstr
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import final
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import Executed, Prediction, Transitions
@@ -102,6 +103,21 @@ class Dynamics(ABC):
         actions: Float[np.ndarray, "batch action"],
     ) -> Prediction:
         """The next state of each row and the spread of the ensemble about it [m]."""
+
+    def predict_each(
+        self,
+        environments: Sequence[Environment],
+        scene: Int[np.ndarray, " batch"],
+        states: Float[np.ndarray, "batch state"],
+        actions: Float[np.ndarray, "batch action"],
+    ) -> Prediction:
+        """`predict` of every row n in environments[scene[n]]; here one environment after the other."""
+        mean, spread = np.empty(states.shape, np.float32), np.empty(len(states), np.float32)
+        for index in np.unique(scene):
+            rows = np.flatnonzero(scene == index)
+            found = self.predict(environments[int(index)], states[rows], actions[rows])
+            mean[rows], spread[rows] = found.mean, found.spread
+        return Prediction(mean, spread)
 
 
 class TransitionCheck(ABC):

@@ -57,8 +57,10 @@ def shards_of(folder: Path, manifest: Manifest) -> Iterator[tuple[Path, Shard]]:
         yield folder / name, read_shard(folder / name, layout, manifest.config["steps"])
 
 
-def load(folder: Path, split: str, scenario: Scenario) -> Trajectories:
+def load(folder: Path, split: str, scenario: Scenario, first: int | None = None) -> Trajectories:
     """The trajectories of one split, 'train', 'validation' or 'test', of a dataset of `scenario`.
+
+    With `first`, only those among the first so many of the dataset: the same as of a dataset of no more than these.
 
     Raises:
         ArtifactError: the folder is not a finished dataset, or one of another scenario; a file is damaged, or the split
@@ -72,7 +74,8 @@ def load(folder: Path, split: str, scenario: Scenario) -> Trajectories:
     if (found := manifest.config["scenario"]) != scenario.name:
         raise ArtifactError(folder, f"a dataset of scenario '{found}'; one of '{scenario.name}' is needed here")
     scenes = scenes_from_json(folder / SCENES, read_json(folder / SCENES))
-    parts = [(shard, shard.split == split) for _, shard in shards_of(folder, manifest)]
+    stop = manifest.config["trajectories"] if first is None else first
+    parts = [(s, (s.split == split) & (s.episode < stop)) for _, s in shards_of(folder, manifest)]
     if not any(chosen.any() for _, chosen in parts):
         raise ArtifactError(folder, f"no {split} trajectories; collect with at least eight lanes")
     return Trajectories(

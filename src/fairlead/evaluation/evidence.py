@@ -48,9 +48,8 @@ def labelled_trajectory(dynamics: Dynamics, data: Trajectories, delta: float, rn
         first = rng.integers(data.actions.shape[1] - steps + 1, size=len(rows))
         at = first[:, None] + np.arange(steps + 1)
         actual = data.states[rows[:, None], at]
-        predicted, _ = roll_out(
-            dynamics, data.environments[scene], actual[:, 0], data.actions[rows[:, None], at[:, :-1]]
-        )
+        actions = data.actions[rows[:, None], at[:, :-1]]
+        predicted, _ = roll_out(dynamics, data.environments, data.scene[rows], actual[:, 0], actions)
         distance = model_error(data.layout, predicted, actual)
         close = distance < delta
         labels = np.where(close[:, :-1], close[:, 1:].astype(int), -1)

@@ -128,6 +128,15 @@ class LearnedDynamics(Dynamics):
             spread = (predicted - mean).square().mean(0).sqrt().sum(-1)
         return Prediction(mean.cpu().numpy(), spread.cpu().numpy())
 
+    def predict_each(
+        self,
+        environments: Sequence[Environment],
+        scene: Int[np.ndarray, " batch"],
+        states: Float[np.ndarray, "batch state"],
+        actions: Float[np.ndarray, "batch action"],
+    ) -> Prediction:
+        return self.predict(environments[scene[0]], states, actions)
+
 
 @final
 class RolloutTask(Task):

@@ -7,6 +7,7 @@ voxels of the current state are drawn anew at every step of a rollout; no gradie
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -113,11 +114,21 @@ class LearnedFullDynamics(Dynamics):
         states: Float[np.ndarray, "batch state"],
         actions: Float[np.ndarray, "batch action"],
     ) -> Prediction:
-        occupancy = Occupancy.of([environment], self._module.grid.resolution, device_of(self._module))
-        scene = np.zeros(len(states), np.intp)
+        return self.predict_each([environment], np.zeros(len(states), np.intp), states, actions)
+
+    def predict_each(
+        self,
+        environments: Sequence[Environment],
+        scene: Int[np.ndarray, " batch"],
+        states: Float[np.ndarray, "batch state"],
+        actions: Float[np.ndarray, "batch action"],
+    ) -> Prediction:
+        used, row = np.unique(scene, return_inverse=True)
+        there = [environments[index] for index in used]
+        occupancy = Occupancy.of(there, self._module.grid.resolution, device_of(self._module))
         with torch.inference_mode():
             s, a = (beside(self._module, np.asarray(x, np.float32)) for x in (states, actions))
-            mean = self._module(occupancy, scene, s, a).cpu().numpy()
+            mean = self._module(occupancy, row, s, a).cpu().numpy()
         return Prediction(mean, np.zeros(len(mean), np.float32))
 
 

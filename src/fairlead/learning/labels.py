@@ -28,6 +28,7 @@ from fairlead.learning.rollout import roll_out
 
 RULES = ("figure", "text")
 FIGURE_STEPS = 20
+_TRAJECTORIES = 64
 CUT_BY_ARMS = (ActionOutcome.JOINT_LIMIT, ActionOutcome.ARM_COLLISION)
 
 
@@ -103,15 +104,14 @@ def label(
     if limit is not None and rng is None:
         raise FairleadError("a limit on examples needs a random stream to choose them with")
     wanted = ~np.isin(data.outcomes, [i for i, outcome in enumerate(ActionOutcome) if outcome in leave_out])
-    parts: list[list[np.ndarray]] = []
-    for scene in np.unique(data.scene):
-        rows = np.flatnonzero(data.scene == scene)
-        environment = data.environments[scene]
-        found = (_figure if rule == "figure" else _text)(dynamics, environment, data, wanted, rows, delta)
-        parts.append([*found, np.full(len(found[0]), scene)])
-    states, actions, next_states, spread, error, before, source, scenes = (
+    order, found_by = np.argsort(data.scene, kind="stable"), _figure if rule == "figure" else _text
+    parts = [
+        found_by(dynamics, data, wanted, rows, delta) for rows in np.array_split(order, -(-len(order) // _TRAJECTORIES))
+    ]
+    states, actions, next_states, spread, error, before, source = (
         np.concatenate(column) for column in zip(*parts, strict=True)
     )
+    scenes = data.scene[source[:, 0]]
     transitions = Transitions(states, actions, next_states, spread)
     examples = Examples(data.layout, data.environments, transitions, error < delta, error, before, scenes, source)
     return examples if limit is None or rng is None else examples.sample(limit, rng)
@@ -122,7 +122,6 @@ _Found = tuple[Float32[np.ndarray, "example _"], ...]
 
 def _figure(
     dynamics: Dynamics,
-    environment: Environment,
     data: Trajectories,
     wanted: Bool[np.ndarray, "trajectory steps"],
     rows: Int[np.ndarray, " row"],
@@ -135,7 +134,8 @@ def _figure(
     begin = np.arange(length)
     at = np.minimum(begin[:, None] + np.arange(steps), length - 1)
     actions = data.actions[rows][:, at].reshape(-1, steps, data.actions.shape[2])
-    predicted, spread = roll_out(dynamics, environment, data.states[rows][:, begin].reshape(len(actions), -1), actions)
+    starts, scene = data.states[rows][:, begin].reshape(len(actions), -1), np.repeat(data.scene[rows], length)
+    predicted, spread = roll_out(dynamics, data.environments, scene, starts, actions)
     actual_at = np.minimum(begin[:, None] + np.arange(steps + 1), length)
     actual = data.states[rows][:, actual_at].reshape(predicted.shape)
     error = model_error(data.layout, predicted, actual).astype(np.float32)
@@ -149,19 +149,19 @@ def _figure(
 
 def _text(
     dynamics: Dynamics,
-    environment: Environment,
     data: Trajectories,
     wanted: Bool[np.ndarray, "trajectory steps"],
     rows: Int[np.ndarray, " row"],
     delta: float,
 ) -> _Found:
     """One rollout from each start; everything up to and including the first label 0."""
-    predicted, spread = roll_out(dynamics, environment, data.states[rows, 0], data.actions[rows])
+    starts, actions = data.states[rows, 0], data.actions[rows]
+    predicted, spread = roll_out(dynamics, data.environments, data.scene[rows], starts, actions)
     error = model_error(data.layout, predicted, data.states[rows]).astype(np.float32)
     before = np.maximum.accumulate(error[:, :-1], axis=1)
     rollout, step = np.nonzero((before < delta) & wanted[rows])
     source = np.stack([rows[rollout], np.zeros_like(step), step], axis=1)
-    return _gather(predicted, data.actions[rows], spread, error, before, rollout, step, source)
+    return _gather(predicted, actions, spread, error, before, rollout, step, source)
 
 
 def _gather(

@@ -43,11 +43,15 @@ class Splits:
 
 def roll_out(
     dynamics: Dynamics,
-    environment: Environment,
+    environments: Sequence[Environment],
+    scene: Int[np.ndarray, " batch"],
     starts: Float[np.ndarray, "batch state"],
     actions: Float[np.ndarray, "batch steps action"],
 ) -> tuple[Float32[np.ndarray, "batch steps_and_one state"], Float32[np.ndarray, "batch steps"]]:
-    """Feed the mean prediction back: s_hat^0 = s^0, s_hat^{t+1} = h(E, s_hat^t, a^t). States, and spreads [m]."""
+    """Feed the mean prediction back: s_hat^0 = s^0, s_hat^{t+1} = h(E, s_hat^t, a^t). States, and spreads [m].
+
+    Row n is rolled out in environments[scene[n]].
+    """
     batch, steps = actions.shape[:2]
     states = np.empty((batch, steps + 1, starts.shape[1]), np.float32)
     spread = np.empty((batch, steps), np.float32)
@@ -55,20 +59,15 @@ def roll_out(
     for low in range(0, batch, _ROWS):
         rows = slice(low, low + _ROWS)
         for step in range(steps):
-            found = dynamics.predict(environment, states[rows, step], actions[rows, step])
+            found = dynamics.predict_each(environments, scene[rows], states[rows, step], actions[rows, step])
             states[rows, step + 1], spread[rows, step] = found.mean, found.spread
     return states, spread
 
 
 def roll_out_all(dynamics: Dynamics, data: Trajectories, steps: int) -> Float32[np.ndarray, "trajectory steps state"]:
     """Predicted states 1 .. steps of every trajectory from its start, each in its own environment."""
-    predicted = np.empty((len(data), steps, data.layout.state_size), np.float32)
-    for scene in np.unique(data.scene):
-        rows = np.flatnonzero(data.scene == scene)
-        environment = data.environments[scene]
-        states, _ = roll_out(dynamics, environment, data.states[rows, 0], data.actions[rows, :steps])
-        predicted[rows] = states[:, 1:]
-    return predicted
+    states, _ = roll_out(dynamics, data.environments, data.scene, data.states[:, 0], data.actions[:, :steps])
+    return states[:, 1:]
 
 
 def rollout_errors(dynamics: Dynamics, data: Trajectories) -> tuple[Float[np.ndarray, "n s"], Float[np.ndarray, "n s"]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 from fairlead.data.collect import CollectConfig, collect
@@ -47,8 +46,8 @@ def reproduce(
     _models(scenario, preset, data, models, seed)
     try_sets(scenario, preset, models, sets, out / "trials", threads, bar)
     if preset.sensitivity:
-        sensitivity(scenario, preset.sensitivity, preset.trust_sdf, data["phase2"], models / "dynamics",
-                    out / "sensitivity", seed, threads, bar)  # fmt: skip
+        sensitivity(scenario, preset.sensitivity, preset.trust_sdf, stages.Part(data[1], preset.phase2),
+                    models / "dynamics", out / "sensitivity", seed, threads, bar)  # fmt: skip
     return write_report([out], out / "report", videos=preset.videos, cameras=camera)
 
 
@@ -59,28 +58,27 @@ def recorded(scenario: Scenario, config: CollectConfig, folder: Path, threads: i
         collect(scenario, config, folder, threads, advance)
 
 
-def _data(scenario: Scenario, preset: Preset, out: Path, seed: int, threads: int, bar: Bar) -> dict[str, Path]:
-    """Record the three datasets; the full dynamics have one of their own, as large as the other two together."""
-    among = CollectConfig(2, preset.phase2, seed, steps=preset.steps2, obstacles_every=preset.obstacles_every)
+def _data(scenario: Scenario, preset: Preset, out: Path, seed: int, threads: int, bar: Bar) -> tuple[Path, Path]:
+    """Record both phases. Phase 2 is long enough for the full dynamics; the rest of the line learns from its start."""
     wanted = {
-        "phase1": CollectConfig(1, preset.phase1, seed),
-        "phase2": among,
-        "full": replace(among, trajectories=preset.full, seed=seed + 1),
-    }
-    folders = {name: out / "data" / name for name in wanted}
+        "phase1": CollectConfig(1, preset.phase1, seed, lanes=preset.lanes),
+        "phase2": CollectConfig(2, max(preset.phase2, preset.full), seed, lanes=preset.lanes, steps=preset.steps2,
+                                obstacles_every=preset.obstacles_every),
+    }  # fmt: skip
     for name, config in wanted.items():
-        recorded(scenario, config, folders[name], threads, bar)
-    return folders
+        recorded(scenario, config, out / "data" / name, threads, bar)
+    return out / "data" / "phase1", out / "data" / "phase2"
 
 
-def _models(scenario: Scenario, preset: Preset, data: dict[str, Path], models: Path, seed: int) -> None:
+def _models(scenario: Scenario, preset: Preset, data: tuple[Path, Path], models: Path, seed: int) -> None:
     """Train every model, each on the one before it."""
-    dynamics, phase2 = models / "dynamics", data["phase2"]
-    stages.dynamics(scenario, data["phase1"], preset.dynamics, dynamics, seed)
+    dynamics, phase2 = models / "dynamics", stages.Part(data[1], preset.phase2)
+    stages.dynamics(scenario, data[0], preset.dynamics, dynamics, seed)
     of = (("", preset.trust, preset.recovery), ("-sdf", preset.trust_sdf, preset.recovery_sdf))
     for suffix, config, recovery in of:
         trust = models / f"trust{suffix}"
         stages.trust(scenario, phase2, dynamics, config, trust, seed)
         stages.recovery(scenario, phase2, dynamics, trust, recovery, models / f"recovery{suffix}", seed)
-    stages.full_dynamics(scenario, data["full"], preset.full_dynamics, models / "full-dynamics", seed)
-    stages.evidence(scenario, phase2, dynamics, models / "trust", models.parent / "evidence", seed)
+    among = stages.Part(data[1], preset.full)
+    stages.full_dynamics(scenario, among, preset.full_dynamics, models / "full-dynamics", seed)
+    stages.evidence(scenario, phase2.folder, dynamics, models / "trust", models.parent / "evidence", seed)

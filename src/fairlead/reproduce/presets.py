@@ -41,13 +41,14 @@ class Preset:
 
     Args:
         phase1, phase2: trajectories recorded for the dynamics, and for trust and recovery.
-        full: trajectories of phase 2 recorded for the full dynamics: as many transitions as both phases together, but
-            for `smoke`.
+        full: trajectories of phase 2 that the full dynamics learn from, the same ones and more: as many transitions as
+            both phases have together, but for `smoke`.
         steps2: actions in a trajectory of phase 2; 0 for the paper's.
         dynamics, full_dynamics, trust, trust_sdf, recovery, recovery_sdf: of the models.
         methods: what is tried, the first compared with the others.
         budget: of each trial.
         planner: of every method on the sets of scenes. Tasks and other deltas are tried with the paper's, "rrt".
+        lanes: trajectories that are recorded side by side; many keep many cores busy.
         obstacles_every: in phase 2 obstacles move after so many trajectories of a lane; the paper's is 8.
         sets: of scenes that are tried, by their names in `scene_sets.SETS`; the first so many of each, None for all.
         seeds: of the trials.
@@ -74,6 +75,7 @@ class Preset:
     budget: Budget = field(default_factory=lambda: Budget(seconds=60))
     planner: str = SHORT
     steps2: int = 0
+    lanes: int = 64
     obstacles_every: int = 8
     sets: Mapping[str, int | None] = field(default_factory=lambda: {"benchmark": None})
     seeds: tuple[int, ...] = (0,)
@@ -160,12 +162,12 @@ _DUAL_PAPER = Preset(
     phase1=2048, phase2=5996, full=7020,
     dynamics=DynamicsConfig(planar=False, stages=(Stage(80, 128, 2e-3), Stage(10, 128, 5e-4, 4))),
     full_dynamics=FullDynamicsConfig(planar=False, grid=COARSE_GRID_3D, stages=(Stage(8, 64), Stage(1, 64, 3e-4, 4))),
-    trust=TrustConfig("voxel", planar=False, delta_m=0.025, hidden=128, grid=COARSE_GRID_3D, limit=60_000,
-                      stages=(Stage(8, 64),)),
+    trust=TrustConfig("voxel", planar=False, delta_m=0.025, hidden=128, grid=COARSE_GRID_3D, limit=150_000,
+                      stages=(Stage(6, 64),)),
     trust_sdf=TrustConfig("sdf", planar=False, delta_m=0.025, limit=400_000, stages=(Stage(6, 512),)),
     recovery=RecoveryConfig(limit=20_000),
     recovery_sdf=RecoveryConfig(limit=40_000, discount=0.8, stages=(Stage(16, 128),)),
-    methods=_DUAL_DESK.methods, budget=Budget(seconds=180), planner="rrt", obstacles_every=2, sets=_ALL,
+    methods=_DUAL_DESK.methods, budget=Budget(seconds=180), planner="rrt", lanes=256, obstacles_every=2, sets=_ALL,
     both_protocols=True, counted=Budget(extensions=60_000), sensitivity=SensitivityConfig(),
     improved=("trust-sdf+recovery", "trust-sdf+random-recovery", "accept-all", "accept-all+arms", "full-dynamics",
               "collision-check"),

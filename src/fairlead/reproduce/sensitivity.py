@@ -34,7 +34,7 @@ def sensitivity(
     scenario: Scenario,
     config: SensitivityConfig,
     trust: TrustConfig,
-    data: Path,
+    data: Path | stages.Part,
     dynamics: Path,
     out: Path,
     seed: int,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from fairlead.core.artifacts import MANIFEST, read_json, read_manifest, sha256, verify_files, write_atomic
 from fairlead.core.errors import ArtifactError
@@ -27,26 +27,42 @@ CONTACT_M = 0.005
 """A rope point this near to an obstacle's surface, beyond the rope's radius, is in contact in the evidence."""
 
 
-def splits(folder: Path, scenario: Scenario, phase: int) -> Splits:
-    """The three splits of a dataset.
+class Part(NamedTuple):
+    """The first so many trajectories of a dataset: what a recording of no more than these would hold."""
+
+    folder: Path
+    trajectories: int
+
+
+def splits(data: Path | Part, scenario: Scenario, phase: int) -> Splits:
+    """The three splits of a dataset, or of a part of one.
 
     Raises:
         ArtifactError: not a finished dataset, or one of another scenario or phase.
     """
+    folder, first = data if isinstance(data, Part) else (data, None)
     found = read_manifest(folder, "dataset").config["phase"]
     if found != phase:
         raise ArtifactError(folder, f"a dataset of phase '{found}'; one of '{phase}' is needed here")
-    return Splits(*(load(folder, split, scenario) for split in SPLITS))
+    return Splits(*(load(folder, split, scenario, first) for split in SPLITS))
 
 
-def _hashes(inputs: Mapping[str, Path]) -> dict[str, str]:
-    for name, folder in inputs.items():
+Inputs = Mapping[str, Path | Part]
+
+
+def _hashes(inputs: Inputs) -> dict[str, str]:
+    """Of the manifest of each input; of a part, with how many trajectories it has."""
+    found = {}
+    for name, data in inputs.items():
+        folder = data.folder if isinstance(data, Part) else data
         if not (folder / MANIFEST).exists():
             raise ArtifactError(folder, f"no {MANIFEST}: not the finished {name} that is needed here")
-    return {name: sha256(folder / MANIFEST) for name, folder in inputs.items()}
+        size = f", first {data.trajectories} trajectories" if isinstance(data, Part) else ""
+        found[name] = sha256(folder / MANIFEST) + size
+    return found
 
 
-def finished(folder: Path, config: Any, inputs: Mapping[str, Path], seed: int) -> bool:
+def finished(folder: Path, config: Any, inputs: Inputs, seed: int) -> bool:
     """Whether `folder` holds the model of this configuration, seed and these inputs, undamaged.
 
     Raises:
@@ -88,7 +104,7 @@ def _plain(value: Any) -> Any:
 
 
 def train_once(
-    scenario: Scenario, folder: Path, config: Any, inputs: Mapping[str, Path], seed: int, train: Callable[[Job], object]
+    scenario: Scenario, folder: Path, config: Any, inputs: Inputs, seed: int, train: Callable[[Job], object]
 ) -> None:
     """Train a model where its folder does not hold it yet; `finished` says what is refused."""
     if not finished(folder, config, inputs, seed):
@@ -101,13 +117,13 @@ def dynamics(scenario: Scenario, data: Path, config: DynamicsConfig, out: Path, 
                lambda job: train_dynamics(splits(data, scenario, 1), config, job))  # fmt: skip
 
 
-def full_dynamics(scenario: Scenario, data: Path, config: FullDynamicsConfig, out: Path, seed: int) -> None:
+def full_dynamics(scenario: Scenario, data: Path | Part, config: FullDynamicsConfig, out: Path, seed: int) -> None:
     """Train the full dynamics baseline on data recorded as in phase 2."""
     train_once(scenario, out, config, {"data": data}, seed,
                lambda job: train_full_dynamics(splits(data, scenario, 2), config, job))  # fmt: skip
 
 
-def trust(scenario: Scenario, data: Path, dynamics: Path, config: TrustConfig, out: Path, seed: int) -> None:
+def trust(scenario: Scenario, data: Path | Part, dynamics: Path, config: TrustConfig, out: Path, seed: int) -> None:
     """Train a trust classifier on phase 2 data, labelled at the delta of the dynamics or of the configuration."""
 
     def train(job: Job) -> None:
@@ -119,7 +135,7 @@ def trust(scenario: Scenario, data: Path, dynamics: Path, config: TrustConfig, o
 
 
 def recovery(
-    scenario: Scenario, data: Path, dynamics: Path, trust: Path, config: RecoveryConfig, out: Path, seed: int
+    scenario: Scenario, data: Path | Part, dynamics: Path, trust: Path, config: RecoveryConfig, out: Path, seed: int
 ) -> None:
     """Train recovery on the states of phase 2 data in which the classifier accepts nothing."""
 
