@@ -16,7 +16,7 @@ from fairlead.core.roles import RecoveryPolicy
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.planning.memory import CutShort, DoubtfulRecovery, UntriedActions
 from fairlead.planning.problem import Problem
-from fairlead.planning.recovery import NoRecovery
+from fairlead.planning.recovery import NoRecovery, RandomRecovery
 from fairlead.planning.rrt import BatchedRRT
 from fairlead.planning.shorten import Shortened
 from toy import Given, arena, problem, straight, tail_goal
@@ -88,10 +88,15 @@ def test_a_policy_is_doubted_by_half_with_each_failure() -> None:
     many = np.tile(STATES, (20, 1))
     for failures in range(4):
         tried = remembering(*[-UP] * failures)
-        policy = DoubtfulRecovery(Always(), UntriedActions(SAMPLER, tried))
+        policy = DoubtfulRecovery(Always(), RandomRecovery(UntriedActions(SAMPLER, tried)), tried)
         kept = np.isclose(policy.choose(arena(), many, np.random.default_rng(1)), many[:, :6] + UP).all(axis=1)
         assert abs(kept.mean() - 0.5**failures) < 0.05
-    nobody = DoubtfulRecovery(NoRecovery(), UntriedActions(SAMPLER, remembering(UP)))
+    asked = RandomRecovery(SAMPLER)
+    asked.extensions = 7
+    counted = DoubtfulRecovery(Always(), asked, tried)
+    counted.choose(arena(), many, np.random.default_rng(1))
+    assert counted.extensions == 7
+    nobody = DoubtfulRecovery(NoRecovery(), RandomRecovery(SAMPLER), remembering(UP))
     assert nobody.choose(arena(), many, np.random.default_rng(1)) is None
     contracts.check_recovery(nobody, arena(), STATES, LAYOUT)
 

@@ -19,7 +19,7 @@ from fairlead.core.streams import stream, stream_seed
 from fairlead.evaluation.methods import Models, Parts, find_method
 from fairlead.execution.trace import NoTrace, Recorder, TraceFolder
 from fairlead.execution.trial import Protocol, Task, run_trial
-from fairlead.planning.memory import CutShort, UntriedActions
+from fairlead.planning.memory import CutShort
 from fairlead.planning.middle import ToTheMiddle
 from fairlead.planning.ompl import OmplRRT
 from fairlead.planning.problem import PAPER, Planner, Problem, SearchSettings
@@ -120,8 +120,8 @@ class Bench:
         self.scenario = find_scenario(config.scenario)
         self.scenes = self.scenario.scenes(config.scenes)
         self._tried = CutShort(self.scenario.layout)
-        sampler = UntriedActions(self.scenario.sampler, self._tried) if config.remember else None
-        self.models = Models(config.models, with_arms_of(self.scenario, config.differences), sampler)
+        inner = with_arms_of(self.scenario, config.differences)
+        self.models = Models(config.models, inner, self._tried, config.remember)
         self._planner: Callable[[SearchSettings], Planner] = plugins.find("planner", config.planner, PLANNERS)
         self._parts = Parts(self.models)
         for method in config.methods:

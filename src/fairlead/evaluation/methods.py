@@ -15,7 +15,7 @@ from fairlead.core.roles import ActionSampler, Dynamics, RecoveryPolicy, Transit
 from fairlead.learning.packing import PACKED_FROM
 from fairlead.learning.registry import load_check, load_dynamics, load_full_dynamics, load_recovery
 from fairlead.planning.checks import AcceptAll, CollisionCheck, SpreadThreshold
-from fairlead.planning.memory import DoubtfulRecovery, UntriedActions
+from fairlead.planning.memory import CutShort, DoubtfulRecovery, UntriedActions
 from fairlead.planning.problem import Problem
 from fairlead.planning.recovery import NoRecovery, PlannedRecovery, RandomRecovery
 from fairlead.planning.rrt import BatchedRRT
@@ -29,7 +29,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Method:
-    """One row. The names are keys of `DYNAMICS` (or "simulator"), `CHECKS` and `RECOVERIES` (or "planned").
+    """One row. The names are keys of `DYNAMICS` (or "simulator"), `CHECKS` and `RECOVERIES` (or "planned", "doubted").
 
     budget_scale multiplies the budget; only the oracle, a bound and not a rival, has more than the others.
     """
@@ -56,6 +56,12 @@ METHODS: dict[str, Method] = {
         "planned",
         "Not of the paper: the small classifier; stuck, the collision check plans one action.",
     ),
+    "trust-sdf+doubted-recovery": Method(
+        "learned",
+        "trust-sdf",
+        "doubted",
+        "Not of the paper: learned recovery; the more of it was cut short hereabouts, the rather planned.",
+    ),
     "accept-all": Method("learned", "accept-all", "none", "The same dynamics, trusted everywhere."),
     "accept-all+arms": Method("learned", "arms", "none", "Trusted everywhere that the arms can reach."),
     "full-dynamics": Method("full", "accept-all", "none", "Dynamics that learn the obstacles too, no check."),
@@ -71,12 +77,15 @@ class Models:
     """The trained models of a scenario, in the folders of one folder; each is read when a method asks for it.
 
     Folders: dynamics, full-dynamics, trust, trust-sdf, recovery, recovery-sdf. `hashes` maps the name of each that was
-    asked for to the SHA-256 of its manifest. `sampler` draws the actions of planning and recovery, by default as the
-    scenario does.
+    asked for to the SHA-256 of its manifest. `sampler` draws the actions of planning and recovery as the scenario does,
+    or, where a trial is to `remember`, keeps away from those that it has `tried`.
     """
 
-    def __init__(self, folder: Path, scenario: Scenario, sampler: ActionSampler | None = None) -> None:
-        self.folder, self.scenario, self.sampler = folder, scenario, sampler or scenario.sampler
+    def __init__(self, folder: Path, scenario: Scenario, tried: CutShort | None = None, remember: bool = False) -> None:
+        self.folder, self.scenario = folder, scenario
+        self.tried, self.remember = tried or CutShort(scenario.layout), remember
+        inner = scenario.sampler
+        self.sampler: ActionSampler = UntriedActions(inner, self.tried) if remember else inner
         self.hashes: dict[str, str] = {}
 
     def folder_of(self, name: str) -> Path:
@@ -145,11 +154,10 @@ def _trust(models: Models, name: str) -> TransitionCheck:
 
 
 def _recovery(models: Models, name: str) -> RecoveryPolicy:
-    scenario, sampler = models.scenario, models.sampler
-    policy: RecoveryPolicy = load_recovery(models.folder_of(name), scenario.kin, sampler)
-    if isinstance(sampler, UntriedActions):
-        policy = DoubtfulRecovery(policy, sampler)
-    return recovery_within_reach(policy, scenario)
+    policy: RecoveryPolicy = load_recovery(models.folder_of(name), models.scenario.kin, models.sampler)
+    if models.remember:
+        policy = DoubtfulRecovery(policy, RandomRecovery(models.sampler), models.tried)
+    return recovery_within_reach(policy, models.scenario)
 
 
 def find_method(name: str) -> Method:
@@ -193,13 +201,14 @@ class Parts:
             dynamics: Dynamics = SimulatorDynamics(models.scenario, scene.obstacles)
         else:
             dynamics = _once(self._dynamics, method.dynamics, lambda: DYNAMICS[method.dynamics](models))
-        if method.recovery == "planned":
-            weaker = self._check("collision")
-            environment = models.scenario.environment(scene.obstacles)
-            problem = Problem(environment, scene.goal, dynamics, weaker, models.sampler)
-            recovery: RecoveryPolicy = PlannedRecovery(BatchedRRT(), problem, self._recovery("random"))
-        else:
-            recovery = self._recovery(method.recovery)
+        if method.recovery in RECOVERIES:
+            return dynamics, self._check(method.check), self._recovery(method.recovery)
+        environment = models.scenario.environment(scene.obstacles)
+        problem = Problem(environment, scene.goal, dynamics, self._check("collision"), models.sampler)
+        recovery: RecoveryPolicy = PlannedRecovery(BatchedRRT(), problem, self._recovery("random"))
+        if method.recovery == "doubted":
+            learned = load_recovery(models.folder_of("recovery-sdf"), models.scenario.kin, models.sampler)
+            recovery = DoubtfulRecovery(recovery_within_reach(learned, models.scenario), recovery, models.tried)
         return dynamics, self._check(method.check), recovery
 
     def _recovery(self, name: str) -> RecoveryPolicy:

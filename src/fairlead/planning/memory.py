@@ -101,20 +101,22 @@ class UntriedActions(ActionSampler):
 
 @final
 class DoubtfulRecovery(RecoveryPolicy):
-    """Another policy's choice, or an untried random action: each action that was cut short hereabouts halves the trust
-    in the policy."""
+    """A policy's choice, or another's: each action that was cut short hereabouts halves the trust in the first."""
 
-    def __init__(self, inner: RecoveryPolicy, sampler: UntriedActions) -> None:
-        self.inner, self.sampler = inner, sampler
+    def __init__(self, inner: RecoveryPolicy, otherwise: RecoveryPolicy, tried: CutShort) -> None:
+        self.inner, self.otherwise, self.tried = inner, otherwise, tried
 
     def choose(
         self, environment: Environment, states: Float[np.ndarray, "batch state"], rng: np.random.Generator
     ) -> Float[np.ndarray, "batch action"] | None:
         chosen = self.inner.choose(environment, states, rng)
-        if chosen is None:
-            return None
-        doubted = rng.random(len(states)) >= 0.5 ** self.sampler.tried.count(states)
-        return np.where(doubted[:, None], self.sampler.propose(states, rng), chosen)
+        doubted = np.flatnonzero(rng.random(len(states)) >= 0.5 ** self.tried.count(states))
+        if chosen is not None and len(doubted):
+            other = self.otherwise.choose(environment, states[doubted], rng)
+            if other is not None:
+                chosen[doubted] = other
+        self.extensions = self.inner.extensions + self.otherwise.extensions
+        return chosen
 
 
 def _unit(ways: Float[np.ndarray, "n action"]) -> Float[np.ndarray, "n action"]:
