@@ -65,19 +65,33 @@ def test_every_trajectory_is_there_once_in_one_split(dataset: Path) -> None:
     assert verify(dataset)["transitions"] == CONFIG.trajectories * CONFIG.steps
 
 
-@pytest.mark.parametrize("count", [32, 37])
-def test_the_first_trajectories_are_what_a_shorter_recording_holds(dataset: Path, tmp_path: Path, count: int) -> None:
-    collect(FakeScenario(), replace(CONFIG, trajectories=count), tmp_path / "short")
+@pytest.mark.parametrize(("count", "fragile"), [(37, 0.0), (133, 0.0), (133, 0.1)])
+def test_the_first_trajectories_are_what_a_shorter_recording_holds(tmp_path: Path, count: int, fragile: float) -> None:
+    """Also where obstacles moved in between, and where some diverged."""
+    config = replace(CONFIG, obstacles_every=2)
+    for name, trajectories in (("long", config.trajectories), ("short", count)):
+        collect(FakeScenario(fragile), replace(config, trajectories=trajectories), tmp_path / name)
+    if fragile:
+        assert read_manifest(tmp_path / "short", "dataset").extra["diverged"]
     for split in SPLITS:
-        part, short = load(dataset, split, FakeScenario(), count), load(tmp_path / "short", split, FakeScenario())
+        part, short = (
+            load(tmp_path / name, split, FakeScenario(), first) for name, first in (("long", count), ("short", None))
+        )
+        assert len(part.environments) == len(short.environments) == len(np.unique(part.scene))
         for name in ("states", "actions", "outcomes"):
             np.testing.assert_array_equal(getattr(part, name), getattr(short, name))
         held = [[data.environments[scene].boxes for scene in data.scene] for data in (part, short)]
         assert held[0] == held[1]
 
 
+@pytest.mark.parametrize("first", [0, CONFIG.trajectories + 1])
+def test_no_more_trajectories_are_read_than_there_are(dataset: Path, first: int) -> None:
+    with pytest.raises(ArtifactError, match=f"first {first} trajectories .* there are {CONFIG.trajectories}"):
+        load(dataset, "train", FakeScenario(), first)
+
+
 def test_no_scene_and_no_lane_is_in_two_splits(dataset: Path) -> None:
-    scenes = [set(load(dataset, split, FakeScenario()).scene.tolist()) for split in SPLITS]
+    scenes = [{int(i) for s in all_shards(dataset) for i in s.scene[s.split == split]} for split in SPLITS]
     assert all(scenes)
     assert sum(map(len, scenes)) == len(set.union(*scenes))
     for shard in all_shards(dataset):

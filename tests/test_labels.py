@@ -12,9 +12,10 @@ from jaxtyping import Float
 
 from fairlead.core.errors import UnknownNameError
 from fairlead.core.layout import StateLayout
-from fairlead.core.records import ActionOutcome, Prediction
+from fairlead.core.records import ActionOutcome, Prediction, Trajectories
 from fairlead.core.roles import Dynamics, Environment
 from fairlead.geometry.distance import model_error
+from fairlead.learning import labels, rollout
 from fairlead.learning.labels import CUT_BY_ARMS, FIGURE_STEPS, RULES, label
 from fairlead.learning.metrics import auroc, classification
 from rope_data import LAYOUT, follow, trajectories
@@ -42,6 +43,41 @@ class FollowDynamics(Dynamics):
         moved = follow(states, actions)
         moved[:, LAYOUT.action_size] += self.bias
         return Prediction(moved.astype(np.float32), np.abs(actions[:, 0]).astype(np.float32))
+
+
+@final
+class AmongDynamics(Dynamics):
+    """The true motion without obstacles, plus an error that tells the environments apart."""
+
+    layout = LAYOUT
+
+    def predict(
+        self,
+        environment: Environment,
+        states: Float[np.ndarray, "batch state"],
+        actions: Float[np.ndarray, "batch action"],
+    ) -> Prediction:
+        moved = follow(states, actions)
+        moved[:, LAYOUT.action_size] += 0.01 * environment.signed_distance(np.zeros((1, 3)))[0]
+        return Prediction(moved.astype(np.float32), np.abs(actions[:, 0]).astype(np.float32))
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_every_trajectory_is_rolled_out_in_its_own_environment(rule: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However trajectories are batched, and in whatever order their scenes come."""
+    monkeypatch.setattr(rollout, "_ROWS", 3)
+    monkeypatch.setattr(labels, "_TRAJECTORIES", 4)
+    data = trajectories(11, 5, 4, np.random.default_rng(3))
+    together = label(AmongDynamics(), data, 0.05, rule)
+    for n in range(len(data)):
+        of = together.source[:, 0] == n
+        one = slice(n, n + 1)
+        where = [data.environments[data.scene[n]]]
+        alone = Trajectories(LAYOUT, data.states[one], data.actions[one], data.outcomes[one], np.zeros(1, int), where)
+        found = label(AmongDynamics(), alone, 0.05, rule)
+        np.testing.assert_array_equal(together.transitions.next_states[of], found.transitions.next_states)
+        np.testing.assert_array_equal(together.source[of, 1:], found.source[:, 1:])
+        assert (together.scene[of] == data.scene[n]).all()
 
 
 @given(seed=st.integers(0, 500), bias=st.sampled_from([0.0, 0.004, 0.02]))

@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from fairlead.core.contracts import check_dynamics
 from fairlead.geometry.distance import model_error
+from fairlead.learning import full_dynamics
 from fairlead.learning.fit import Stage
-from fairlead.learning.full_dynamics import FullDynamicsConfig, train_full_dynamics
+from fairlead.learning.full_dynamics import FullDynamicsConfig, LearnedFullDynamics, train_full_dynamics
 from fairlead.learning.model_files import Job
 from fairlead.learning.registry import load_full_dynamics
 from fairlead.learning.rollout import roll_out_all
@@ -40,6 +42,24 @@ def test_full_dynamics_learn_see_obstacles_save_and_load(tmp_path: Path) -> None
     go = in_the_middle[:, :3] + [0.1, 0, 0]
     assert (dynamics.predict(free, in_the_middle, go).mean != dynamics.predict(crowded, in_the_middle, go).mean).any()
     assert there.mean.shape == states.shape
+
+
+def test_rows_are_predicted_each_in_its_own_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(full_dynamics, "_ROWS", 3)
+    module = full_dynamics._build(LAYOUT, CONFIG, 0)
+    for parameter in module.parameters():
+        parameter.data *= 2  # so that what an untrained network sees makes a difference
+    dynamics = LearnedFullDynamics(module)
+    data, scene = DATA.test, np.array([2, 0, 2, 1, 0, 3, 3])
+    # Beside an obstacle, or all environments look alike.
+    states = np.stack([np.tile([*_centre(data.environments[i]), 0.02], LAYOUT.state_size // 3) for i in scene])
+    actions = states[:, :3] + 0.05
+    together = dynamics.predict_each(data.environments, scene, states, actions).mean
+    for n, index in enumerate(scene):
+        alone = dynamics.predict(data.environments[index], states[n : n + 1], actions[n : n + 1]).mean
+        np.testing.assert_allclose(together[n], alone[0], atol=1e-5)
+    others = dynamics.predict_each(data.environments, (scene + 1) % 4, states, actions).mean
+    assert (np.abs(others - together).max(axis=1) > 1e-4).all()
 
 
 def _centre(environment: object) -> tuple[float, float]:

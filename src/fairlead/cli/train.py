@@ -19,7 +19,7 @@ SETTINGS = {"dynamics": ("network",), "full-dynamics": ("grid",), "trust": ("net
 
 @dataclass(frozen=True)
 class Command:
-    """Train one model. Interrupt it at will: the same command goes on to the same weights."""
+    """Train one model. Interrupt it at will: the same command goes on, on a processor to the same weights."""
 
     model: Annotated[Literal["dynamics", "full-dynamics", "trust", "recovery"], tyro.conf.Positional]
     """What to train."""
@@ -29,6 +29,8 @@ class Command:
     """The dataset: phase 1 for dynamics, phase 2 for the others."""
     out: Path
     """Folder of the model."""
+    first: int | None = None
+    """Learn from the first so many trajectories of the dataset; from all by default."""
     dynamics: Path | None = None
     """Folder of the trained dynamics (trust, recovery)."""
     trust: Path | None = None
@@ -58,6 +60,7 @@ class Command:
         from fairlead.scenarios.registry import scenario
 
         self._check()
+        data = stages.Part(self.data, self.first)
         use_threads(self.threads)
         world = scenario(self.scenario)
         sizes = preset(world, self.preset)
@@ -72,17 +75,17 @@ class Command:
             wide = {"network": "mlp", "hidden": 1024, "planar": False} if self.network == "mlp" else {}
             other = {} if self.network in (None, "mlp") else {"network": self.network}
             config = replace(sizes.dynamics, **wide, **other)
-            stages.dynamics(world, self.data, config, self.out, self.seed)
+            stages.dynamics(world, data, config, self.out, self.seed)
         elif self.model == "full-dynamics":
-            stages.full_dynamics(world, self.data, replace(sizes.full_dynamics, **grid), self.out, self.seed)
+            stages.full_dynamics(world, data, replace(sizes.full_dynamics, **grid), self.out, self.seed)
         elif self.model == "trust" and self.dynamics:
             base = sizes.trust if self.network == "voxel" else sizes.trust_sdf
             config = replace(base, **grid, network=self.network or base.network, **delta)
-            stages.trust(world, self.data, self.dynamics, config, self.out, self.seed)
+            stages.trust(world, data, self.dynamics, config, self.out, self.seed)
         elif self.dynamics and self.trust:
             sdf = read_json(self.trust / "config.json").get("network") == "sdf"
             config = sizes.recovery_sdf if sdf else sizes.recovery
-            stages.recovery(world, self.data, self.dynamics, self.trust, config, self.out, self.seed)
+            stages.recovery(world, data, self.dynamics, self.trust, config, self.out, self.seed)
         show(read_json(self.out / "metrics.json"), self.json)
 
     def _check(self) -> None:

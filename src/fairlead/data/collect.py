@@ -32,7 +32,7 @@ class CollectConfig:
     """What to record. With the scenario, this decides every byte.
 
     Args:
-        phase: 1, without obstacles, for dynamics; 2, among obstacles, for trust and recovery.
+        phase: 1, without obstacles, for dynamics; 2, among obstacles, for the others.
         trajectories: how many; those that diverge are dropped.
         seed: of every random stream.
         lanes: chains of trajectories that run side by side.

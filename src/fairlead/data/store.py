@@ -64,7 +64,7 @@ def load(folder: Path, split: str, scenario: Scenario, first: int | None = None)
 
     Raises:
         ArtifactError: the folder is not a finished dataset, or one of another scenario; a file is damaged, or the split
-            is empty.
+            is empty, or there are fewer than the first so many trajectories.
         UnknownNameError: no such split.
     """
     if split not in SPLITS:
@@ -74,17 +74,21 @@ def load(folder: Path, split: str, scenario: Scenario, first: int | None = None)
     if (found := manifest.config["scenario"]) != scenario.name:
         raise ArtifactError(folder, f"a dataset of scenario '{found}'; one of '{scenario.name}' is needed here")
     scenes = scenes_from_json(folder / SCENES, read_json(folder / SCENES))
-    stop = manifest.config["trajectories"] if first is None else first
+    recorded = manifest.config["trajectories"]
+    stop = recorded if first is None else first
+    if not 0 < stop <= recorded:
+        raise ArtifactError(folder, f"the first {stop} trajectories are asked for; there are {recorded}")
     parts = [(s, (s.split == split) & (s.episode < stop)) for _, s in shards_of(folder, manifest)]
     if not any(chosen.any() for _, chosen in parts):
         raise ArtifactError(folder, f"no {split} trajectories; collect with at least eight lanes")
+    used, scene = np.unique(np.concatenate([shard.scene[chosen] for shard, chosen in parts]), return_inverse=True)
     return Trajectories(
         layout=scenario.layout,
         states=np.concatenate([shard.states[chosen] for shard, chosen in parts]),
         actions=np.concatenate([shard.actions[chosen] for shard, chosen in parts]),
         outcomes=np.concatenate([shard.outcomes[chosen] for shard, chosen in parts]),
-        scene=np.concatenate([shard.scene[chosen] for shard, chosen in parts]),
-        environments=[scenario.environment(obstacles) for obstacles in scenes],
+        scene=scene,
+        environments=[scenario.environment(scenes[index]) for index in used],
     )
 
 

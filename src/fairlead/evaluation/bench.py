@@ -120,8 +120,8 @@ class Bench:
         self.scenario = find_scenario(config.scenario)
         self.scenes = self.scenario.scenes(config.scenes)
         self._tried = CutShort(self.scenario.layout)
-        inner = with_arms_of(self.scenario, config.differences)
-        self.models = Models(config.models, inner, self._tried, config.remember)
+        planned_for = with_arms_of(self.scenario, config.differences)
+        self.models = Models(config.models, planned_for, self._tried, config.remember)
         self._planner: Callable[[SearchSettings], Planner] = plugins.find("planner", config.planner, PLANNERS)
         self._parts = Parts(self.models)
         for method in config.methods:

@@ -60,7 +60,7 @@ METHODS: dict[str, Method] = {
         "learned",
         "trust-sdf",
         "doubted",
-        "Not of the paper: learned recovery; the more of it was cut short hereabouts, the rather planned.",
+        "Not of the paper: learned recovery; the more actions were cut short hereabouts, the rather planned.",
     ),
     "accept-all": Method("learned", "accept-all", "none", "The same dynamics, trusted everywhere."),
     "accept-all+arms": Method("learned", "arms", "none", "Trusted everywhere that the arms can reach."),
@@ -84,8 +84,7 @@ class Models:
     def __init__(self, folder: Path, scenario: Scenario, tried: CutShort | None = None, remember: bool = False) -> None:
         self.folder, self.scenario = folder, scenario
         self.tried, self.remember = tried or CutShort(scenario.layout), remember
-        inner = scenario.sampler
-        self.sampler: ActionSampler = UntriedActions(inner, self.tried) if remember else inner
+        self.sampler: ActionSampler = UntriedActions(scenario.sampler, self.tried) if remember else scenario.sampler
         self.hashes: dict[str, str] = {}
 
     def folder_of(self, name: str) -> Path:
@@ -144,8 +143,9 @@ what knowing the arms is worth without trust. The others know no geometry at all
 RECOVERIES: dict[str, Callable[[Models], RecoveryPolicy]] = {
     "none": lambda models: NoRecovery(),
     "random": lambda models: recovery_within_reach(RandomRecovery(models.sampler), models.scenario),
-    "learned": lambda models: _recovery(models, "recovery"),
-    "learned-sdf": lambda models: _recovery(models, "recovery-sdf"),
+    "learned": lambda models: _recovery(models, "recovery", models.remember),
+    "learned-sdf": lambda models: _recovery(models, "recovery-sdf", models.remember),
+    "learned-sdf, undoubted": lambda models: _recovery(models, "recovery-sdf", doubt=False),
 }
 
 
@@ -153,9 +153,9 @@ def _trust(models: Models, name: str) -> TransitionCheck:
     return within_reach(load_check(models.folder_of(name), models.scenario.kin), models.scenario)
 
 
-def _recovery(models: Models, name: str) -> RecoveryPolicy:
+def _recovery(models: Models, name: str, doubt: bool) -> RecoveryPolicy:
     policy: RecoveryPolicy = load_recovery(models.folder_of(name), models.scenario.kin, models.sampler)
-    if models.remember:
+    if doubt:
         policy = DoubtfulRecovery(policy, RandomRecovery(models.sampler), models.tried)
     return recovery_within_reach(policy, models.scenario)
 
@@ -201,14 +201,14 @@ class Parts:
             dynamics: Dynamics = SimulatorDynamics(models.scenario, scene.obstacles)
         else:
             dynamics = _once(self._dynamics, method.dynamics, lambda: DYNAMICS[method.dynamics](models))
-        if method.recovery in RECOVERIES:
-            return dynamics, self._check(method.check), self._recovery(method.recovery)
-        environment = models.scenario.environment(scene.obstacles)
-        problem = Problem(environment, scene.goal, dynamics, self._check("collision"), models.sampler)
-        recovery: RecoveryPolicy = PlannedRecovery(BatchedRRT(), problem, self._recovery("random"))
-        if method.recovery == "doubted":
-            learned = load_recovery(models.folder_of("recovery-sdf"), models.scenario.kin, models.sampler)
-            recovery = DoubtfulRecovery(recovery_within_reach(learned, models.scenario), recovery, models.tried)
+        if method.recovery in ("planned", "doubted"):
+            environment = models.scenario.environment(scene.obstacles)
+            problem = Problem(environment, scene.goal, dynamics, self._check("collision"), models.sampler)
+            recovery: RecoveryPolicy = PlannedRecovery(BatchedRRT(), problem, self._recovery("random"))
+            if method.recovery == "doubted":
+                recovery = DoubtfulRecovery(self._recovery("learned-sdf, undoubted"), recovery, models.tried)
+        else:
+            recovery = self._recovery(method.recovery)
         return dynamics, self._check(method.check), recovery
 
     def _recovery(self, name: str) -> RecoveryPolicy:

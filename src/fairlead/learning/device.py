@@ -13,7 +13,11 @@ CPU = torch.device("cpu")
 
 
 def training_device() -> torch.device:
-    """The graphics card that CUDA shows first, or else the processor."""
+    """The graphics card that CUDA shows first, or else the processor.
+
+    A card computes in single precision like the processor that will plan, not in the TensorFloat-32 of its default.
+    """
+    torch.backends.cudnn.allow_tf32 = False
     return torch.device("cuda") if torch.cuda.is_available() else CPU
 
 

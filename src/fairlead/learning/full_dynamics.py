@@ -32,6 +32,7 @@ from fairlead.learning.trust_voxel import VoxelEncoder
 from fairlead.learning.voxels import Occupancy, VoxelGrid
 
 CODE = 5
+_ROWS = 128
 
 
 @dataclass(frozen=True)
@@ -126,9 +127,12 @@ class LearnedFullDynamics(Dynamics):
         used, row = np.unique(scene, return_inverse=True)
         there = [environments[index] for index in used]
         occupancy = Occupancy.of(there, self._module.grid.resolution, device_of(self._module))
-        with torch.inference_mode():
-            s, a = (beside(self._module, np.asarray(x, np.float32)) for x in (states, actions))
-            mean = self._module(occupancy, row, s, a).cpu().numpy()
+        mean = np.empty(states.shape, np.float32)
+        for low in range(0, len(states), _ROWS):
+            rows = slice(low, low + _ROWS)
+            with torch.inference_mode():
+                s, a = (beside(self._module, np.asarray(x[rows], np.float32)) for x in (states, actions))
+                mean[rows] = self._module(occupancy, row[rows], s, a).cpu().numpy()
         return Prediction(mean, np.zeros(len(mean), np.float32))
 
 

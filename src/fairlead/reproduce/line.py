@@ -81,4 +81,4 @@ def _models(scenario: Scenario, preset: Preset, data: tuple[Path, Path], models:
         stages.recovery(scenario, phase2, dynamics, trust, recovery, models / f"recovery{suffix}", seed)
     among = stages.Part(data[1], preset.full)
     stages.full_dynamics(scenario, among, preset.full_dynamics, models / "full-dynamics", seed)
-    stages.evidence(scenario, phase2.folder, dynamics, models / "trust", models.parent / "evidence", seed)
+    stages.evidence(scenario, phase2, dynamics, models / "trust", models.parent / "evidence", seed)

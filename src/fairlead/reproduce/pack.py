@@ -76,7 +76,7 @@ def _readme(scenario: Scenario, models: Models, packed: Mapping[str, Packed]) ->
     ]
     for name, of in packed.items():
         manifest = read_manifest(models.folder / name, "model")
-        data = manifest.inputs.get("data", "-")[:12]
+        data = next((digest[:12] + name[4:] for name, digest in manifest.inputs.items() if name[:4] == "data"), "-")
         precision = "half" if of.halved else "single"
         lines.append(
             f"| [{name}]({name}/card.md) | {precision} | {of.bytes / 1e6:.1f} | {of.difference:.1e} "

@@ -41,8 +41,8 @@ class Preset:
 
     Args:
         phase1, phase2: trajectories recorded for the dynamics, and for trust and recovery.
-        full: trajectories of phase 2 that the full dynamics learn from, the same ones and more: as many transitions as
-            both phases have together, but for `smoke`.
+        full: trajectories of phase 2 that the full dynamics learn from, mostly the same and more: as many transitions
+            as both phases have together, but for `smoke`.
         steps2: actions in a trajectory of phase 2; 0 for the paper's.
         dynamics, full_dynamics, trust, trust_sdf, recovery, recovery_sdf: of the models.
         methods: what is tried, the first compared with the others.

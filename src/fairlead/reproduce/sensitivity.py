@@ -15,7 +15,6 @@ from typing import Any
 
 from fairlead.core.artifacts import MANIFEST, Manifest, read_json, read_manifest, sha256, write_json
 from fairlead.evaluation.bench import TrialsConfig
-from fairlead.learning.device import training_device
 from fairlead.learning.model_files import Job
 from fairlead.learning.registry import load_delta, load_dynamics
 from fairlead.learning.trust import Labelled, fit_trust
@@ -34,7 +33,7 @@ def sensitivity(
     scenario: Scenario,
     config: SensitivityConfig,
     trust: TrustConfig,
-    data: Path | stages.Part,
+    data: stages.Data,
     dynamics: Path,
     out: Path,
     seed: int,
@@ -49,12 +48,12 @@ def sensitivity(
     scenes = drawn(scenario, out / "scenes.json", config.scenes, SEED)
 
     @cache
-    def labelled() -> Labelled:
+    def labelled(device: Any) -> Labelled:
         found = stages.splits(data, scenario, 2)
-        return Labelled.by(load_dynamics(dynamics, scenario.kin, training_device()), found, max(config.deltas_m), trust)
+        return Labelled.by(load_dynamics(dynamics, scenario.kin, device), found, max(config.deltas_m), trust)
 
     def train(delta: float, job: Job) -> None:
-        fit_trust(labelled().at(delta), replace(trust, delta_m=delta), job)
+        fit_trust(labelled(job.device).at(delta), replace(trust, delta_m=delta), job)
 
     before = read_manifest(out, KIND).inputs if (out / MANIFEST).exists() else {}
     if before.keys() != {"scenes", *map(_name, config.deltas_m)}:

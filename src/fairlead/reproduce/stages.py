@@ -28,41 +28,44 @@ CONTACT_M = 0.005
 
 
 class Part(NamedTuple):
-    """The first so many trajectories of a dataset: what a recording of no more than these would hold."""
+    """The first so many trajectories of a dataset, which a recording of no more than these would hold; None for all."""
 
     folder: Path
-    trajectories: int
+    trajectories: int | None = None
 
 
-def splits(data: Path | Part, scenario: Scenario, phase: int) -> Splits:
+Data = Path | Part
+
+
+def _part(data: Data) -> Part:
+    return data if isinstance(data, Part) else Part(data)
+
+
+def splits(data: Data, scenario: Scenario, phase: int) -> Splits:
     """The three splits of a dataset, or of a part of one.
 
     Raises:
         ArtifactError: not a finished dataset, or one of another scenario or phase.
     """
-    folder, first = data if isinstance(data, Part) else (data, None)
-    found = read_manifest(folder, "dataset").config["phase"]
+    part = _part(data)
+    found = read_manifest(part.folder, "dataset").config["phase"]
     if found != phase:
-        raise ArtifactError(folder, f"a dataset of phase '{found}'; one of '{phase}' is needed here")
-    return Splits(*(load(folder, split, scenario, first) for split in SPLITS))
+        raise ArtifactError(part.folder, f"a dataset of phase '{found}'; one of '{phase}' is needed here")
+    return Splits(*(load(part.folder, split, scenario, part.trajectories) for split in SPLITS))
 
 
-Inputs = Mapping[str, Path | Part]
-
-
-def _hashes(inputs: Inputs) -> dict[str, str]:
-    """Of the manifest of each input; of a part, with how many trajectories it has."""
+def _hashes(inputs: Mapping[str, Data]) -> dict[str, str]:
+    """Of the manifest of each input; the name of a part says how large it is."""
     found = {}
     for name, data in inputs.items():
-        folder = data.folder if isinstance(data, Part) else data
+        folder, count = _part(data)
         if not (folder / MANIFEST).exists():
             raise ArtifactError(folder, f"no {MANIFEST}: not the finished {name} that is needed here")
-        size = f", first {data.trajectories} trajectories" if isinstance(data, Part) else ""
-        found[name] = sha256(folder / MANIFEST) + size
+        found[name if count is None else f"{name}, first {count} trajectories"] = sha256(folder / MANIFEST)
     return found
 
 
-def finished(folder: Path, config: Any, inputs: Inputs, seed: int) -> bool:
+def finished(folder: Path, config: Any, inputs: Mapping[str, Data], seed: int) -> bool:
     """Whether `folder` holds the model of this configuration, seed and these inputs, undamaged.
 
     Raises:
@@ -104,26 +107,26 @@ def _plain(value: Any) -> Any:
 
 
 def train_once(
-    scenario: Scenario, folder: Path, config: Any, inputs: Inputs, seed: int, train: Callable[[Job], object]
+    scenario: Scenario, folder: Path, config: Any, inputs: Mapping[str, Data], seed: int, train: Callable[[Job], object]
 ) -> None:
     """Train a model where its folder does not hold it yet; `finished` says what is refused."""
     if not finished(folder, config, inputs, seed):
         train(Job(folder, scenario.name, seed, _hashes(inputs)))
 
 
-def dynamics(scenario: Scenario, data: Path, config: DynamicsConfig, out: Path, seed: int) -> None:
+def dynamics(scenario: Scenario, data: Data, config: DynamicsConfig, out: Path, seed: int) -> None:
     """Train the unconstrained dynamics on phase 1 data."""
     train_once(scenario, out, config, {"data": data}, seed,
                lambda job: train_dynamics(splits(data, scenario, 1), config, job))  # fmt: skip
 
 
-def full_dynamics(scenario: Scenario, data: Path | Part, config: FullDynamicsConfig, out: Path, seed: int) -> None:
+def full_dynamics(scenario: Scenario, data: Data, config: FullDynamicsConfig, out: Path, seed: int) -> None:
     """Train the full dynamics baseline on data recorded as in phase 2."""
     train_once(scenario, out, config, {"data": data}, seed,
                lambda job: train_full_dynamics(splits(data, scenario, 2), config, job))  # fmt: skip
 
 
-def trust(scenario: Scenario, data: Path | Part, dynamics: Path, config: TrustConfig, out: Path, seed: int) -> None:
+def trust(scenario: Scenario, data: Data, dynamics: Path, config: TrustConfig, out: Path, seed: int) -> None:
     """Train a trust classifier on phase 2 data, labelled at the delta of the dynamics or of the configuration."""
 
     def train(job: Job) -> None:
@@ -135,7 +138,7 @@ def trust(scenario: Scenario, data: Path | Part, dynamics: Path, config: TrustCo
 
 
 def recovery(
-    scenario: Scenario, data: Path | Part, dynamics: Path, trust: Path, config: RecoveryConfig, out: Path, seed: int
+    scenario: Scenario, data: Data, dynamics: Path, trust: Path, config: RecoveryConfig, out: Path, seed: int
 ) -> None:
     """Train recovery on the states of phase 2 data in which the classifier accepts nothing."""
 
@@ -148,7 +151,7 @@ def recovery(
     train_once(scenario, out, config, {"data": data, "dynamics": dynamics, "trust": trust}, seed, train)
 
 
-def evidence(scenario: Scenario, data: Path, dynamics: Path, trust: Path, out: Path, seed: int) -> None:
+def evidence(scenario: Scenario, data: Data, dynamics: Path, trust: Path, out: Path, seed: int) -> None:
     """Write what the report draws of single examples: Fig. 3, Fig. 5A and Fig. S1 of the paper."""
     inputs = _hashes({"data": data, "dynamics": dynamics, "trust": trust})
     if (out / MANIFEST).exists() and read_manifest(out, "evidence").inputs == inputs:
@@ -157,7 +160,7 @@ def evidence(scenario: Scenario, data: Path, dynamics: Path, trust: Path, out: P
     write_evidence(
         load_dynamics(dynamics, scenario.kin),
         load_check(trust, scenario.kin),
-        load(data, "test", scenario),
+        splits(data, scenario, 2).test,
         read_json(trust / "metrics.json")["delta_m"],
         grid,
         scenario.rope_radius + CONTACT_M,
