@@ -17,7 +17,7 @@ from safetensors.torch import load_file
 from fairlead.core.artifacts import read_jsonl, read_manifest
 from fairlead.core.budget import Budget
 from fairlead.core.errors import ArtifactError, UnknownNameError
-from fairlead.evaluation.bench import SHORT, TrialsConfig
+from fairlead.evaluation.bench import RELAXED, TrialsConfig
 from fairlead.evaluation.shipped import benchmark_scenes
 from fairlead.execution.trial import Protocol
 from fairlead.learning.registry import load_delta
@@ -100,10 +100,10 @@ def test_each_set_is_a_folder_and_only_stuck_methods_without_recovery_meet_the_p
     scenes = benchmark_scenes("dragging")
     trials.try_sets(DRAGGING, wanted, tmp_path, {"hard": scenes, "authors": scenes}, tmp_path, 1, _no_bar)
     papers = {"hard-protocol-paper", "authors-protocol-paper"}
-    shorts = {"hard-short", "authors-short"}
-    assert set(tried) == {"hard", "hard-counted", "authors", *papers, *shorts}
-    assert {name for name, config in tried.items() if config.planner == SHORT} == shorts
-    assert {(tried[n].methods, tried[n].seeds, tried[n].reference) for n in shorts} == {
+    best = {"hard-relaxed", "authors-relaxed"}
+    assert set(tried) == {"hard", "hard-counted", "authors", *papers, *best}
+    assert {name for name, config in tried.items() if config.planner == RELAXED} == best
+    assert {(tried[n].methods, tried[n].seeds, tried[n].reference) for n in best} == {
         (("accept-all", "trust"), (0, 1, 2), "accept-all")
     }
     assert {tried[name].methods for name in papers} == {("trust",)}

@@ -33,7 +33,7 @@ from fairlead.scenarios.scene_files import Scene
 Row = dict[str, Any]
 
 SHORT, RELAXED = "rrt-middle-short", "rrt-middle-short-relaxed"
-"""The best planner we know, and not the paper's."""
+"""The best planners we know, and not the paper's: the first for a demo or a desk, the second where success is all."""
 
 
 def _short(settings: SearchSettings) -> Planner:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fairlead.core.budget import Budget
-from fairlead.evaluation.bench import SHORT, TrialsConfig
+from fairlead.evaluation.bench import RELAXED, TrialsConfig
 from fairlead.evaluation.methods import find_method
 from fairlead.evaluation.trials import Trials
 from fairlead.execution.trial import Protocol
@@ -34,7 +34,7 @@ def try_sets(
     """Try the methods of a preset on each set of scenes in `out`/SET, and what the preset wants besides.
 
     SET-protocol-paper has the methods that were stuck and have no recovery, SET-counted those of a counted budget,
-    SET-short those with the best planner.
+    SET-relaxed those with the best planner.
     """
     for name, scenes in sets.items():
         first = name == next(iter(sets))
@@ -51,6 +51,6 @@ def try_sets(
             counted = replace(untraced, budget=preset.counted, seeds=preset.seeds[:1])
             try_all(counted, out / f"{name}-counted", workers, bar)
         if preset.improved:
-            improved = replace(untraced, methods=preset.improved, planner=SHORT, budget=IMPROVED_BUDGET,
+            improved = replace(untraced, methods=preset.improved, planner=RELAXED, budget=IMPROVED_BUDGET,
                                seeds=IMPROVED_SEEDS, reference=preset.improved[0])  # fmt: skip
-            try_all(improved, out / f"{name}-short", workers, bar)
+            try_all(improved, out / f"{name}-relaxed", workers, bar)
