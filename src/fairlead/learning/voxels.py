@@ -103,11 +103,12 @@ class VoxelGrid:
     def _paint(self, channel: Float32[Tensor, "batch nx ny nz"], points: Float32[Tensor, "batch point 3"]) -> None:
         """max_p exp(-k |c - p|^2) at each cell centre c: a product of one factor an axis, so cheap."""
         centres = [self.resolution * torch.arange(cells, device=points.device) for cells in self.shape]
-        factors = [
+        x, y, z = (
             (-self.sharpness * (points[..., axis, None] - centre).square()).exp() for axis, centre in enumerate(centres)
-        ]
+        )
+        planes = (y[..., None] * z[..., None, :])[:, :, None]
         channel.zero_()
         value = torch.empty_like(channel)
-        for x, y, z in zip(*(factor.unbind(1) for factor in factors), strict=True):
-            torch.mul(x[:, :, None, None], (y[:, :, None] * z[:, None, :])[:, None], out=value)
+        for line, plane in zip(x[..., None, None].unbind(1), planes.unbind(1), strict=True):
+            torch.mul(line, plane, out=value)
             torch.maximum(channel, value, out=channel)
