@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ import pytest
 from fairlead.cli import main as cli
 from fairlead.data.collect import CollectConfig, collect
 from fairlead.evaluation.methods import METHODS
+from fairlead.evaluation.shipped import shipped_models
 from fairlead.scenarios.registry import SCENARIOS
 from fakes import FakeScenario
 
@@ -221,7 +223,7 @@ def test_the_table_of_methods_names_what_evaluate_takes(
     [
         (["evaluate", "dragging", "--workers", "9999"], "timed trials"),
         (["evaluate", "dragging", "--seeds", "0"], "--seeds 0"),
-        (["evaluate", "dual_arm", "--methods", "full-dynamics"], "here are: dynamics, "),
+        (["evaluate", "dual_arm", "--methods", "full-dynamics", "--models", "MODELS"], "here are: dynamics; "),
     ],
 )
 def test_what_would_mean_nothing_is_refused_before_anything_is_written(
@@ -231,6 +233,8 @@ def test_what_would_mean_nothing_is_refused_before_anything_is_written(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
+    shutil.copytree(shipped_models("dual_arm") / "dynamics", tmp_path / "dynamics")
+    arguments = [str(tmp_path) if argument == "MODELS" else argument for argument in arguments]
     assert call(monkeypatch, *arguments, "--out", tmp_path / "out") == 2
     assert named in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -211,6 +212,19 @@ def test_layers_of_a_planar_grid_are_a_convolution_of_3_by_3_by_1() -> None:
             expected = torch.nn.functional.max_pool3d(expected, (2, 2, 1))
     expected = expected.permute(0, 4, 1, 2, 3).flatten(1)
     torch.testing.assert_close(encoder(voxels), expected, atol=1e-5, rtol=1e-4)
+
+
+@pytest.mark.parametrize("planar", [True, False])
+def test_features_of_a_grid_do_not_depend_on_how_many_are_encoded_at_once(
+    planar: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    grid = VoxelGrid((22, 22, 2 if planar else 22), 0.01)
+    encoder = VoxelEncoder(3, grid, planar)
+    voxels = torch.rand(7, 3, *grid.shape, generator=torch.Generator().manual_seed(0))
+    together = encoder(voxels)
+    monkeypatch.setattr("fairlead.learning.trust_voxel.AT_ONCE", 2 * math.prod(grid.shape))
+    torch.testing.assert_close(encoder(voxels), together, atol=1e-5, rtol=1e-4)
+    assert encoder(voxels[:0]).shape == (0, encoder.size)
 
 
 def test_mistakes_have_names() -> None:

@@ -22,7 +22,8 @@ from fairlead.learning.voxels import Occupancy, VoxelGrid
 
 FILTERS = 26
 LAYERS = 3
-_AT_ONCE = 200_000  # cells: 21 MB after the first layer; more is fetched from the system, page by page, each time
+AT_ONCE = 200_000
+"""Cells that a CPU encodes at once: 21 MB after the first layer. More is fetched from the system anew, page by page."""
 
 
 @final
@@ -59,13 +60,13 @@ class VoxelEncoder(nn.Module):
 
     def _at_once(self, voxels: Float[Tensor, "batch channel nx ny nz"]) -> int:
         """How many grids: on a CPU so few that the first layer's output stays in memory that is used again."""
-        return max(1, _AT_ONCE // math.prod(self.grid.shape)) if voxels.device.type == "cpu" else len(voxels)
+        return max(1, AT_ONCE // math.prod(self.grid.shape)) if voxels.device.type == "cpu" else len(voxels)
 
     def _features(self, voxels: Float[Tensor, "batch channel nx ny nz"]) -> Float[Tensor, "batch feature"]:
         if not self.planar:
             return self.layers(voxels.contiguous(memory_format=torch.channels_last_3d)).flatten(1)
         folded = voxels.permute(0, 4, 1, 2, 3).flatten(0, 1).contiguous(memory_format=torch.channels_last)
-        return self.layers(folded).reshape(len(voxels), -1)
+        return self.layers(folded).reshape(len(voxels), self.size)
 
 
 @final
