@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fairlead.core import contracts
+from fairlead.core.budget import Budget, Meter
 from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import PlanOutcome, Prediction, Transitions
@@ -173,6 +174,27 @@ def test_planned_recovery_begins_the_way_that_the_weaker_check_accepts_and_else_
     assert nowhere.extensions == 32 * len(states)
     declines = PlannedRecovery(BatchedRRT(), refused, NoRecovery())
     assert declines.choose(arena(), states, np.random.default_rng(0)) is None
+
+
+@given(seed=seeds, off=st.floats(0, 0.04))
+def test_planned_recovery_goes_on_with_its_plan_as_long_as_that_goes_as_predicted(seed, off):
+    there, state = problem(arena(), tail_goal(0.3, 0.3)), straight(-0.2, -0.2, 0.0)[None]
+    plan = BatchedRRT().plan(there, state[0], Meter(Budget(extensions=2000), lambda: 0.0), np.random.default_rng(seed))
+    policy, rng = PlannedRecovery(BatchedRRT(), there, NoRecovery()), np.random.default_rng(seed)
+    for action, predicted in zip(plan.actions, plan.states[1:], strict=True):
+        assert np.array_equal(policy.choose(there.environment, state, rng)[0], action)
+        state = (predicted + off * np.tile([1.0, 0, 0], LAYOUT.state_size // 3))[None]
+    assert policy.extensions == plan.extensions
+
+
+def test_planned_recovery_plans_anew_where_the_rope_is_elsewhere_or_the_obstacles_are_others():
+    there, state = problem(arena(), tail_goal(0.3, 0.3)), straight(-0.2, -0.2, 0.0)[None]
+    plan = BatchedRRT().plan(there, state[0], Meter(Budget(extensions=2000), lambda: 0.0), np.random.default_rng(0))
+    for environment, off in ((there.environment, 0.06), (arena(BAR), 0.0)):
+        policy, rng = PlannedRecovery(BatchedRRT(), there, RandomRecovery(SAMPLER)), np.random.default_rng(0)
+        policy.choose(there.environment, state, rng)
+        policy.choose(environment, plan.states[1:2] + off, rng)
+        assert policy.extensions > plan.extensions
 
 
 @final

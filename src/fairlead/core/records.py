@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING, TypeVar
 
@@ -134,6 +134,10 @@ class Plan:
 
     def __len__(self) -> int:
         return len(self.actions)
+
+    def rest(self) -> Plan:
+        """The plan without its first action; an empty plan is its own rest."""
+        return replace(self, states=self.states[min(1, len(self)) :], actions=self.actions[1:], trust=self.trust[1:])
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fairlead.core.budget import Budget, Meter
+from fairlead.core.records import Plan
 from fairlead.core.roles import ActionSampler, Environment, RecoveryPolicy
 from fairlead.planning.problem import Planner, Problem
 
@@ -38,31 +39,47 @@ class RandomRecovery(RecoveryPolicy):
 
 @final
 class PlannedRecovery(RecoveryPolicy):
-    """The first action of a plan that a weaker check accepts; another policy's where there is none.
+    """An action of a plan that a weaker check accepts; another policy's where there is no such plan.
 
     Not in the paper. Where nothing can be trusted, the way that at least avoids the obstacles is a better guess than
-    chance; after one action of it the trusted check is asked again.
+    chance. After each action the trusted check is asked again; where it still trusts nothing, and the last action led
+    about where it was to lead, the plan is gone on with. Another plan each time would undo what the last has begun.
 
     Args:
         planner: does the planning.
         problem: with the weaker check; its environment gives way to the one that is asked about.
         otherwise: chooses where no plan makes a beginning.
-        limit: most transitions that one choice checks.
+        limit: most transitions that one plan checks.
+        near: how far every gripper and point may be from its prediction [m] for the plan to be gone on with.
     """
 
-    def __init__(self, planner: Planner, problem: Problem, otherwise: RecoveryPolicy, limit: int = 2000) -> None:
-        self.planner, self.problem, self.otherwise, self.limit = planner, problem, otherwise, limit
+    def __init__(
+        self, planner: Planner, problem: Problem, otherwise: RecoveryPolicy, limit: int = 2000, near: float = 0.05
+    ) -> None:
+        self.planner, self.problem, self.otherwise, self.limit, self.near = planner, problem, otherwise, limit, near
+        self._left: Plan | None = None
 
     def choose(
         self, environment: Environment, states: Float[np.ndarray, "batch state"], rng: np.random.Generator
     ) -> Float[np.ndarray, "batch action"] | None:
-        problem = replace(self.problem, environment=environment)
+        if environment is not self.problem.environment:
+            self.problem, self._left = replace(self.problem, environment=environment), None
         chosen: list[np.ndarray] = []
         for state in states:
-            plan = self.planner.plan(problem, state, Meter(Budget(extensions=self.limit), lambda: 0.0), rng)
-            self.extensions += plan.extensions
+            plan = self._left if self._left and self._goes_on(self._left, state) else self._new(state, rng)
+            self._left = plan.rest()
             action = plan.actions[:1] if len(plan) else self.otherwise.choose(environment, state[None], rng)
             if action is None:
                 return None
             chosen.append(action)
         return np.concatenate(chosen)
+
+    def _new(self, state: Float[np.ndarray, " state"], rng: np.random.Generator) -> Plan:
+        plan = self.planner.plan(self.problem, state, Meter(Budget(extensions=self.limit), lambda: 0.0), rng)
+        self.extensions += plan.extensions
+        return plan
+
+    def _goes_on(self, plan: Plan, state: Float[np.ndarray, " state"]) -> bool:
+        """Whether the state is about what the plan predicted, and its next action is none that was tried in vain."""
+        off = np.linalg.norm((state - plan.states[0]).reshape(-1, 3), axis=1).max()
+        return bool(off <= self.near and self.problem.sampler.allows(state[None], plan.actions[:1]).all())
