@@ -17,6 +17,7 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.records import PlanOutcome, Prediction, Transitions
 from fairlead.core.roles import Dynamics, TransitionCheck
 from fairlead.planning.checks import AcceptAll, CollisionCheck, SpreadThreshold
+from fairlead.planning.memory import CutShort, UntriedActions
 from fairlead.planning.metric import Metric
 from fairlead.planning.problem import Tried
 from fairlead.planning.recovery import NoRecovery, PlannedRecovery, RandomRecovery
@@ -187,14 +188,24 @@ def test_planned_recovery_goes_on_with_its_plan_as_long_as_that_goes_as_predicte
     assert policy.extensions == plan.extensions
 
 
-def test_planned_recovery_plans_anew_where_the_rope_is_elsewhere_or_the_obstacles_are_others():
-    there, state = problem(arena(), tail_goal(0.3, 0.3)), straight(-0.2, -0.2, 0.0)[None]
-    plan = BatchedRRT().plan(there, state[0], Meter(Budget(extensions=2000), lambda: 0.0), np.random.default_rng(0))
-    for environment, off in ((there.environment, 0.06), (arena(BAR), 0.0)):
-        policy, rng = PlannedRecovery(BatchedRRT(), there, RandomRecovery(SAMPLER)), np.random.default_rng(0)
-        policy.choose(there.environment, state, rng)
-        policy.choose(environment, plan.states[1:2] + off, rng)
-        assert policy.extensions > plan.extensions
+@pytest.mark.parametrize("other", ["rope", "obstacles", "memory"])
+def test_planned_recovery_plans_anew_where_what_its_plan_was_made_for_is_no_longer_so(other):
+    tried = CutShort(LAYOUT)
+    there = replace(problem(arena(), tail_goal(0.3, 0.3)), sampler=UntriedActions(SAMPLER, tried))
+    policy, rng = PlannedRecovery(BatchedRRT(), there, RandomRecovery(SAMPLER)), np.random.default_rng(0)
+    state, environment = straight(-0.2, -0.2, 0.0), there.environment
+    plan = BatchedRRT().plan(there, state, Meter(Budget(extensions=2000), lambda: 0.0), np.random.default_rng(0))
+    policy.choose(environment, state[None], rng)
+    now = plan.states[1]
+    match other:
+        case "rope":
+            now = now + 0.06
+        case "obstacles":
+            environment = arena(BAR)
+        case "memory":
+            tried.add(now, plan.actions[1], now)
+    policy.choose(environment, now[None], rng)
+    assert policy.extensions > plan.extensions
 
 
 @final
