@@ -320,6 +320,16 @@ def test_memories_end_with_their_trial_and_planning_knows_its_arms(config: Trial
     assert not np.array_equal(panda.models.scenario.arms.home, scenario("dual_arm").arms.home)
 
 
+def test_recovery_that_keeps_a_plan_keeps_it_for_one_trial() -> None:
+    method = "trust-sdf+doubted-recovery"  # which asks the planned one, too
+    models, scenes = shipped_models("dual_arm"), benchmark_scenes("dual_arm").with_name("dual_arm_hard.json")
+    bench = Bench(TrialsConfig("dual_arm", models, scenes, (method,), Budget(extensions=6000)))
+    stuck, elsewhere = "draped-2023-013", "caught-2023-012"
+    rows = [bench.run(Trial(method, name, 0, None)) for name in (stuck, elsewhere, stuck)]
+    assert rows[0] == rows[2]
+    assert min(row["recovery_actions"] for row in rows) >= 2
+
+
 def test_a_missing_model_is_found_before_anything_is_written(config: TrialsConfig, tmp_path: Path) -> None:
     with pytest.raises(ArtifactError, match="trust"):
         Trials(replace(config, methods=("accept-all", "trust")), tmp_path / "out")

@@ -182,13 +182,18 @@ def test_planned_recovery_goes_on_with_its_plan_as_long_as_that_goes_as_predicte
     there, state = problem(arena(), tail_goal(0.3, 0.3)), straight(-0.2, -0.2, 0.0)[None]
     plan = BatchedRRT().plan(there, state[0], Meter(Budget(extensions=2000), lambda: 0.0), np.random.default_rng(seed))
     policy, rng = PlannedRecovery(BatchedRRT(), there, NoRecovery()), np.random.default_rng(seed)
+    rest = plan
     for action, predicted in zip(plan.actions, plan.states[1:], strict=True):
         assert np.array_equal(policy.choose(there.environment, state, rng)[0], action)
-        state = (predicted + off * np.tile([1.0, 0, 0], LAYOUT.state_size // 3))[None]
+        assert np.array_equal(rest.actions[0], action)
+        rest = rest.rest()
+        state = (predicted + off * np.eye(LAYOUT.state_size)[seed % LAYOUT.state_size])[None]
     assert policy.extensions == plan.extensions
+    assert len(rest) == len(rest.rest()) == 0
+    assert np.array_equal(rest.rest().states, plan.states[-1:])
 
 
-@pytest.mark.parametrize("other", ["rope", "obstacles", "memory"])
+@pytest.mark.parametrize("other", ["rope", "obstacles", "memory", "trial", "batch"])
 def test_planned_recovery_plans_anew_where_what_its_plan_was_made_for_is_no_longer_so(other):
     tried = CutShort(LAYOUT)
     there = replace(problem(arena(), tail_goal(0.3, 0.3)), sampler=UntriedActions(SAMPLER, tried))
@@ -199,12 +204,16 @@ def test_planned_recovery_plans_anew_where_what_its_plan_was_made_for_is_no_long
     now = plan.states[1]
     match other:
         case "rope":
-            now = now + 0.06
+            now = now + 0.06 * np.eye(LAYOUT.state_size)[-3]  # the last point, along x
         case "obstacles":
             environment = arena(BAR)
         case "memory":
             tried.add(now, plan.actions[1], now)
-    policy.choose(environment, now[None], rng)
+        case "trial":
+            policy.forget()
+        case "batch":
+            now = np.stack([now, now])
+    policy.choose(environment, np.atleast_2d(now), rng)
     assert policy.extensions > plan.extensions
 
 

@@ -125,9 +125,10 @@ def check_sampler(sampler: ActionSampler, states: Float[np.ndarray, "batch state
 def check_recovery(
     recovery: RecoveryPolicy, environment: Environment, states: Float[np.ndarray, "batch state"], layout: StateLayout
 ) -> None:
-    """One action for each state, or None; the same for the same generator."""
+    """One action for each state, or None; once it has forgotten, the same for the same generator."""
 
     def choose(states: np.ndarray) -> Arrays:
+        recovery.forget()
         actions = recovery.choose(environment, states, np.random.default_rng(7))
         return () if actions is None else (actions,)
 

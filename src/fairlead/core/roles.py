@@ -160,6 +160,9 @@ class RecoveryPolicy(ABC):
     ) -> Float[np.ndarray, "batch action"] | None:
         """An action for each state, or None: this policy declines."""
 
+    def forget(self) -> None:  # noqa: B027  most policies keep nothing
+        """Another trial begins: what was chosen before no longer matters."""
+
 
 class Goal(ABC):
     """What a trial is for: a state is in the goal where its error is within the tolerance."""

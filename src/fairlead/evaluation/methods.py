@@ -54,7 +54,7 @@ METHODS: dict[str, Method] = {
         "learned",
         "trust-sdf",
         "planned",
-        "Not of the paper: the small classifier; stuck, the collision check plans one action.",
+        "Not of the paper: the small classifier; stuck, a plan of the collision check, while it goes as predicted.",
     ),
     "trust-sdf+doubted-recovery": Method(
         "learned",

@@ -97,6 +97,7 @@ def run_trial(
         KeyboardInterrupt: passed on, after the trace has been ended as interrupted.
     """
     counted = math.isfinite(budget.extensions)
+    task.recovery.forget()
     trial = _Trial(world, task, Meter(budget, (lambda: 0.0) if counted else clock), protocol, seed, recorder)
     trial.record_start()
     try:

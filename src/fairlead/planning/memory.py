@@ -118,6 +118,10 @@ class DoubtfulRecovery(RecoveryPolicy):
         self.extensions = self.inner.extensions + self.otherwise.extensions
         return chosen
 
+    def forget(self) -> None:
+        self.inner.forget()
+        self.otherwise.forget()
+
 
 def _unit(ways: Float[np.ndarray, "n action"]) -> Float[np.ndarray, "n action"]:
     return ways / np.maximum(np.linalg.norm(ways, axis=-1, keepdims=True), 1e-9)

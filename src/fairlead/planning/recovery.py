@@ -42,14 +42,15 @@ class PlannedRecovery(RecoveryPolicy):
     """An action of a plan that a weaker check accepts; another policy's where there is no such plan.
 
     Not in the paper. Where nothing can be trusted, the way that at least avoids the obstacles is a better guess than
-    chance. After each action the trusted check is asked again; where it still trusts nothing, and the last action led
-    about where it was to lead, the plan is gone on with. Another plan each time would undo what the last has begun.
+    chance. After each action the trusted check is asked again; where it still trusts nothing, and the rope is about
+    where the plan has it, the plan is gone on with, unchecked. Another plan each time would undo what the last has begun.
+    Only single states are gone on from: each state of a batch has a plan of its own.
 
     Args:
         planner: does the planning.
         problem: with the weaker check; its environment gives way to the one that is asked about.
         otherwise: chooses where no plan makes a beginning.
-        limit: most transitions that one plan checks.
+        limit: most transitions that one plan checks, however little of a trial's budget is left.
         near: how far every gripper and point may be from its prediction [m] for the plan to be gone on with.
     """
 
@@ -64,15 +65,20 @@ class PlannedRecovery(RecoveryPolicy):
     ) -> Float[np.ndarray, "batch action"] | None:
         if environment is not self.problem.environment:
             self.problem, self._left = replace(self.problem, environment=environment), None
+        left, self._left = self._left if len(states) == 1 else None, None
         chosen: list[np.ndarray] = []
         for state in states:
-            plan = self._left if self._left and self._goes_on(self._left, state) else self._new(state, rng)
-            self._left = plan.rest()
+            plan = left if left and self._goes_on(left, state) else self._new(state, rng)
+            self._left = plan.rest() if len(states) == 1 else None
             action = plan.actions[:1] if len(plan) else self.otherwise.choose(environment, state[None], rng)
             if action is None:
                 return None
             chosen.append(action)
         return np.concatenate(chosen)
+
+    def forget(self) -> None:
+        self._left = None
+        self.otherwise.forget()
 
     def _new(self, state: Float[np.ndarray, " state"], rng: np.random.Generator) -> Plan:
         plan = self.planner.plan(self.problem, state, Meter(Budget(extensions=self.limit), lambda: 0.0), rng)

@@ -92,6 +92,9 @@ class ArmsRecovery(RecoveryPolicy):
                 break
         return actions
 
+    def forget(self) -> None:
+        self.inner.forget()
+
 
 def _stopped(
     arms: Arms,
