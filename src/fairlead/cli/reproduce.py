@@ -23,8 +23,8 @@ class Command:
     out: Path
     """Folder of data, models, trials and report."""
     preset: str = "desk"
-    """smoke (a minute), desk (15 to 30 minutes on two cores; real_tasks, whose trials are many, about an
-    hour), paper (the paper's data sizes; hours)."""
+    """smoke (a minute), desk (on two cores 15 to 30 minutes, dual_arm 30 to 60; real_tasks, whose trials are many,
+    about an hour), paper (the paper's data sizes; hours)."""
     sensitivity: bool = False
     """Train and try trust at other thresholds too (Fig. S2), as paper does; not of real_tasks."""
     seed: int = 0

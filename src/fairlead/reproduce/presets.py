@@ -1,4 +1,4 @@
-"""How large the line is: `smoke` for tests, `desk` for 15 to 30 minutes, `paper` for the paper's data sizes.
+"""How large the line is: `smoke` for tests, `desk` for half an hour, `paper` for the paper's data sizes.
 
 The voxel grids are coarser than the paper's, which take hours on a CPU (`fairlead train --grid paper`).
 """
