@@ -169,8 +169,8 @@ _DUAL_PAPER = Preset(
     recovery_sdf=RecoveryConfig(limit=40_000, discount=0.8, stages=(Stage(16, 128),)),
     methods=_DUAL_DESK.methods, budget=Budget(seconds=180), planner="rrt", lanes=256, obstacles_every=2, sets=_ALL,
     both_protocols=True, counted=Budget(extensions=60_000), sensitivity=SensitivityConfig(),
-    improved=("trust-sdf+recovery", "trust-sdf+doubted-recovery", "trust-sdf+random-recovery", "accept-all",
-              "accept-all+arms", "full-dynamics", "collision-check"),
+    improved=("trust-sdf+recovery", "trust-sdf+planned-recovery", "trust-sdf+doubted-recovery",
+              "trust-sdf+random-recovery", "accept-all", "accept-all+arms", "full-dynamics", "collision-check"),
 )  # fmt: skip
 
 PRESETS: dict[str, dict[str, Preset]] = {
