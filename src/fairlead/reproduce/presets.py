@@ -155,7 +155,7 @@ _DUAL_DESK = Preset(
     recovery_sdf=RecoveryConfig(limit=10_000, discount=0.8, stages=(Stage(16, 128),)),
     methods=("trust+recovery", "trust+random-recovery", "trust", "trust-sdf+recovery", "accept-all", "accept-all+arms",
              "full-dynamics", "collision-check", "spread-threshold"),
-    obstacles_every=2, sets={"benchmark": 16, "hard": 8},
+    obstacles_every=2, sets={"benchmark": 10, "hard": 6},
 )  # fmt: skip
 
 _DUAL_PAPER = Preset(
