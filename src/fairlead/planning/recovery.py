@@ -43,7 +43,7 @@ class PlannedRecovery(RecoveryPolicy):
 
     Not in the paper. Where nothing can be trusted, the way that at least avoids the obstacles is a better guess than
     chance. After each action the trusted check is asked again; where it still trusts nothing, and the rope is about
-    where the plan has it, the plan is gone on with, unchecked: another one each time would undo what the last has begun.
+    where the plan has it, the plan is gone on with, unchecked: another each time would undo what the last has begun.
     Only single states are gone on from: each state of a batch has a plan of its own.
 
     Args:
