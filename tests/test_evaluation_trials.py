@@ -323,7 +323,7 @@ def test_memories_end_with_their_trial_and_planning_knows_its_arms(config: Trial
 def test_recovery_that_keeps_a_plan_keeps_it_for_one_trial() -> None:
     method = "trust-sdf+doubted-recovery"  # which asks the planned one, too
     models, scenes = shipped_models("dual_arm"), benchmark_scenes("dual_arm").with_name("dual_arm_hard.json")
-    bench = Bench(TrialsConfig("dual_arm", models, scenes, (method,), Budget(extensions=6000)))
+    bench = Bench(TrialsConfig("dual_arm", models, scenes, (method,), Budget(extensions=2500)))
     stuck, elsewhere = "draped-2023-013", "caught-2023-012"
     rows = [bench.run(Trial(method, name, 0, None)) for name in (stuck, elsewhere, stuck)]
     assert rows[0] == rows[2]

@@ -177,6 +177,7 @@ def test_planned_recovery_begins_the_way_that_the_weaker_check_accepts_and_else_
     assert declines.choose(arena(), states, np.random.default_rng(0)) is None
 
 
+@settings(max_examples=25)
 @given(seed=seeds, off=st.floats(0, 0.04))
 def test_planned_recovery_goes_on_with_its_plan_as_long_as_that_goes_as_predicted(seed, off):
     there, state = problem(arena(), tail_goal(0.3, 0.3)), straight(-0.2, -0.2, 0.0)[None]
