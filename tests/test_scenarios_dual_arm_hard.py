@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from fairlead.core.streams import stream
 from fairlead.scenarios.dual_arm import LAYOUT, OBSTACLES, DualArm
@@ -36,7 +37,9 @@ def test_a_draped_rope_rests_in_two_places() -> None:
     assert not astray(DUAL_ARM, POSTS, _along_y(0.8, 1.1))
 
 
-def test_a_hard_scene_is_of_its_kind_and_comes_from_its_stream() -> None:
+def test_a_hard_scene_is_of_its_kind_and_comes_from_its_stream(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fairlead.scenarios.dual_arm_hard.ACTIONS", 2)
+    monkeypatch.setattr("fairlead.scenarios.dual_arm_hard.TOGETHER", 4)
     scene = hard_scene(DUAL_ARM, "astray", stream(3, "hard"), "one")
     DUAL_ARM.validate(scene)
     assert astray(DUAL_ARM, scene.obstacles, LAYOUT.points_of(scene.state(LAYOUT)))
