@@ -113,18 +113,30 @@ class VoxelTrust(TrustNetwork):
         """Nothing to do: BatchNorm."""
 
     def augment(self, inputs: tuple[Tensor, ...], rng: np.random.Generator) -> tuple[Tensor, ...]:
-        """One of the square's eight symmetries for the whole minibatch; with two grippers half of them exchanged, too.
+        """Each example in one of the square's eight symmetries; with two grippers half of them exchanged, too.
 
+        Not one symmetry for a whole minibatch: its statistics, which BatchNorm collects, would be those of one side.
         Not where reach is learned from the place in the world: arms do not turn with it.
         """
         if not self.config.augment or not (self.config.planar or self.config.reach_known):
             return inputs
-        symmetry = rng.integers(0, 2, 3)
-        symmetry[2] *= self.grid.shape[0] == self.grid.shape[1]
+        square, two = self.grid.shape[0] == self.grid.shape[1], len(self.layout.grippers) == 2
+        symmetries = rng.integers(0, 2, (inputs[0].shape[1], 4)) * (1, 1, square, two)
+        changed = tuple(map(torch.empty_like, inputs))
+        for symmetry in np.unique(symmetries, axis=0):
+            rows = np.flatnonzero((symmetries == symmetry).all(1))
+            found = self._changed(*(x[:, rows] for x in inputs), symmetry[:3], bool(symmetry[3]))
+            for whole, part in zip(changed, found, strict=True):
+                whole[:, rows] = part
+        return changed
+
+    def _changed(
+        self, voxels: Tensor, states: Tensor, extra: Tensor, symmetry: Int[np.ndarray, " 3"], exchange: bool
+    ) -> tuple[Tensor, ...]:
+        """Inputs of `forward` in one symmetry, the grippers and all that hangs between them exchanged or not."""
         grippers, size = len(self.layout.grippers), self.layout.action_size
-        voxels, states, extra = inputs
         positions, targets = states.unflatten(-1, (2, -1, 3)), extra[..., :size].unflatten(-1, (-1, 3))
-        if grippers == 2 and rng.random() < 0.5:
+        if exchange:
             voxels = torch.cat([voxels[:, :, :-grippers], voxels[:, :, -grippers:].flip(2)], dim=2)
             positions = torch.cat(
                 [positions[..., :grippers, :].flip(-2), positions[..., grippers:, :].flip(-2)], dim=-2
