@@ -15,7 +15,7 @@ from fairlead.core.budget import Budget
 from fairlead.core.contracts import check_world
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import ActionOutcome, Executed, Prediction
-from fairlead.core.roles import Dynamics, Environment, World
+from fairlead.core.roles import Dynamics, Environment, TransitionCheck, World
 from fairlead.execution.trial import Protocol, Task, TrialResult, run_trial
 from fairlead.geometry.fields import BoxEnvironment
 from fairlead.geometry.goals import point_goal
@@ -27,6 +27,10 @@ from fairlead.planning.recovery import NoRecovery
 from fairlead.planning.rrt import BatchedRRT
 
 LAYOUT = StateLayout(("hand",), points=1)
+LOW, HIGH = (-0.5, -0.5, 0.0), (0.5, 0.5, 0.6)
+"""The workspace: nothing is planned to leave it [m]."""
+POST = BoxEnvironment([Box((0.1, 0.4, 0.3), (0.2, 0.0, 0.15))], np.array([LOW, HIGH]))
+MOVES = RandomDisplacement(LAYOUT, 0.15, LOW, HIGH, planar=False)
 
 
 @final
@@ -69,7 +73,7 @@ class RobotWorld(World):
 
 @final
 class Carried(Dynamics):
-    """The marker moves as the hand does. A learned model takes its place (`learning.registry.load_dynamics`)."""
+    """The marker moves as the hand does. `own_data.py` learns a model in its place."""
 
     layout = LAYOUT
 
@@ -77,19 +81,16 @@ class Carried(Dynamics):
         return Prediction(states + np.tile(actions - states[:, :3], 2), np.zeros(len(states)))
 
 
-def trial(world: World) -> TrialResult:
+def trial(world: World, dynamics: Dynamics, check: TransitionCheck) -> TrialResult:
     """Plan and execute, again and again, until the marker is at its goal or the minute is over."""
-    low, high = (-0.5, -0.5, 0.0), (0.5, 0.5, 0.6)  # the workspace: nothing is planned to leave it [m]
-    environment = BoxEnvironment([Box((0.1, 0.4, 0.3), (0.2, 0.0, 0.15))], np.array([low, high]))
     goal = point_goal(LAYOUT, "tail", (0.4, 0.0, 0.2), 0.05)
-    sampler = RandomDisplacement(LAYOUT, 0.15, low, high, planar=False)
-    problem = Problem(environment, goal, Carried(), CollisionCheck(LAYOUT, 0.01), sampler)
-    task = Task(environment, goal, partial(BatchedRRT().plan, problem), NoRecovery())
+    problem = Problem(POST, goal, dynamics, check, MOVES)
+    task = Task(POST, goal, partial(BatchedRRT().plan, problem), NoRecovery())
     return run_trial(world, task, Budget(seconds=60), Protocol.FAIR, seed=0)
 
 
 if __name__ == "__main__":
     check_world(RobotWorld(FakeDriver()), np.array([[0.1, 0.0, 0.4]]))
-    result = trial(RobotWorld(FakeDriver()))
+    result = trial(RobotWorld(FakeDriver()), Carried(), CollisionCheck(LAYOUT, 0.01))
     print(f"It keeps the contract. A trial: {result.outcome.label}, {result.error_m:.3f} m from the goal's middle, "
           f"{result.actions} actions.")  # fmt: skip

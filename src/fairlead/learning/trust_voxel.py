@@ -125,15 +125,16 @@ class VoxelTrust(TrustNetwork):
         changed = tuple(map(torch.empty_like, inputs))
         for symmetry in np.unique(symmetries, axis=0):
             rows = np.flatnonzero((symmetries == symmetry).all(1))
-            found = self._changed(*(x[:, rows] for x in inputs), symmetry[:3], bool(symmetry[3]))
+            found = self._changed(tuple(x[:, rows] for x in inputs), symmetry[:3], bool(symmetry[3]))
             for whole, part in zip(changed, found, strict=True):
                 whole[:, rows] = part
         return changed
 
     def _changed(
-        self, voxels: Tensor, states: Tensor, extra: Tensor, symmetry: Int[np.ndarray, " 3"], exchange: bool
+        self, inputs: tuple[Tensor, ...], symmetry: Int[np.ndarray, " 3"], exchange: bool
     ) -> tuple[Tensor, ...]:
         """Inputs of `forward` in one symmetry, the grippers and all that hangs between them exchanged or not."""
+        voxels, states, extra = inputs
         grippers, size = len(self.layout.grippers), self.layout.action_size
         positions, targets = states.unflatten(-1, (2, -1, 3)), extra[..., :size].unflatten(-1, (-1, 3))
         if exchange:
