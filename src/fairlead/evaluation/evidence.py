@@ -1,4 +1,4 @@
-"""Single examples worth looking at: a labelled trajectory (Fig. 3), voxels (Fig. 5A), accepted contacts (Fig. S1).
+"""Single examples worth looking at: a labelled trajectory (Fig. 3), voxels (Fig. 5), accepted contacts (Fig. S1).
 
 A folder of evidence holds `trajectory.npz`, `voxels.npz` and `contacts.npz`, where data for them were found, and a
 manifest. Obstacles are rows of 10 numbers: size, position, quaternion (x, y, z, w); rows of zeros fill up.

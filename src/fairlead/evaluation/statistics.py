@@ -51,7 +51,7 @@ def error_statistics(errors: Float[np.ndarray, " trial"]) -> dict[str, float]:
 def success_against(values: Sequence[float | None], limits: Float[np.ndarray, " limit"]) -> Float[np.ndarray, " limit"]:
     """Share of trials whose value is at most each limit; None (never reached) is above every limit.
 
-    With final errors [m] this is the curve of Fig. 6A, with the times of reaching the goal [s] success against time.
+    With final errors [m] this is the curve of Fig. 6, with the times of reaching the goal [s] success against time.
     """
     known = np.array([np.inf if value is None else value for value in values])
     return (known[None, :] <= np.asarray(limits)[:, None]).mean(axis=1)

@@ -1,4 +1,4 @@
-"""Drawings of single examples: Fig. 3 (labels of a trajectory), Fig. 5A (voxels), Fig. S1 (accepted contacts)."""
+"""Drawings of single examples: Fig. 3 (labels of a trajectory), Fig. 5 (voxels), Fig. S1 (accepted contacts)."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def labelled_trajectory(data: Arrays) -> Drawn:
 
 
 def voxels(data: Arrays) -> Drawn:
-    """Fig. 5A: the channels of the local voxel grid, seen from above, their values as opacity."""
+    """Fig. 5: the channels of the local voxel grid, seen from above, their values as opacity."""
     channels = data["channels"].max(axis=-1)
     colours = ["#8b97a5", "#0072b2", GRIPPER, "#009e73"]
     names = [str(name) for name in data["names"]]
@@ -80,7 +80,7 @@ def voxels(data: Arrays) -> Drawn:
             axes.set(title=name, xticks=[-half_x, 0, half_x], yticks=[-half_y, 0, half_y])
     shape = " x ".join(map(str, data["channels"].shape[1:]))
     caption = (
-        f"Fig. 5A: the local voxel grid of one state, {shape} cells of {float(data['resolution']):g} m, from above."
+        f"Fig. 5: the local voxel grid of one state, {shape} cells of {float(data['resolution']):g} m, from above."
     )
     return canvas, caption, True
 

@@ -28,7 +28,7 @@ def _share_below(axes: Axes, rows_of: RowsOf, key: str, limits: np.ndarray) -> N
 
 
 def success_against_threshold(rows_of: RowsOf, radius: float) -> Figure:
-    """Fig. 6A: the success rate if the goal's tolerance [m] were another; the dashed line is the one used."""
+    """Fig. 6: the success rate if the goal's tolerance [m] were another; the dashed line is the one used."""
     with figure(6.4, 3.3) as (canvas, (axes,)):
         _share_below(axes, rows_of, "error_m", np.linspace(0, 0.5, 501))
         axes.axvline(radius, color=MUTED, linestyle=(0, (4, 3)), linewidth=1)

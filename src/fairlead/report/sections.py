@@ -157,7 +157,7 @@ def _trial_pictures(trials: TrialSet, save: Figures, seconds: float, cameras: Ca
         save.save(
             f"{name}-threshold",
             figures.success_against_threshold(trials.rows_of, radius),
-            "Success against the threshold on the task error (Fig. 6A). Dashed: the goal's tolerance.",
+            "Success against the threshold on the task error (Fig. 6). Dashed: the goal's tolerance.",
         ),
         save.save(
             f"{name}-time",

@@ -152,7 +152,7 @@ def recovery(
 
 
 def evidence(scenario: Scenario, data: Data, dynamics: Path, trust: Path, out: Path, seed: int) -> None:
-    """Write what the report draws of single examples: Fig. 3, Fig. 5A and Fig. S1 of the paper."""
+    """Write what the report draws of single examples: Fig. 3, Fig. 5 and Fig. S1 of the paper."""
     inputs = _hashes({"data": data, "dynamics": dynamics, "trust": trust})
     if (out / MANIFEST).exists() and read_manifest(out, "evidence").inputs == inputs:
         return
