@@ -159,6 +159,50 @@ def test_a_rope_caught_on_a_hook_holds() -> None:
     assert _penetration(world, 0) < 0.003
 
 
+@pytest.mark.parametrize(("number", "beside", "height"), [(5, -0.09, 0.94), (6, -0.055, 1.02)])
+@pytest.mark.parametrize(
+    ("moves", "held"),
+    [
+        ([[0, 0, 0.1]] * 5, True),
+        ([[0.1, 0, 0], *[[0, 0, 0.1]] * 5], True),
+        ([*[[-0.1, 0, 0]] * 2, *[[0, 0, 0.1]] * 4], False),
+    ],
+    ids=["up", "to the post and up", "out from below and up"],
+)
+def test_a_hook_of_the_scenario_lets_the_rope_go_where_it_is_open(
+    number: int, beside: float, height: float, moves: list[list[float]], held: bool
+) -> None:
+    """A rope below the hook's plate, beside its post."""
+    hook = OBSTACLES[number].moved((0.8, 0.0, 0.0), 0.0)
+    world = _world([[hook]], _held((0.8 + beside, 0.30, height), (0.8 + beside, -0.30, height))[None])
+    plate, field, ended = hook.boxes[1], DUAL.environment([hook]), []
+    for move in moves:
+        executed = world.execute(world.observe()[:, : LAYOUT.action_size] + np.tile(move, 2))
+        ended.append(OUTCOMES[executed.outcomes[0]])
+        points = LAYOUT.points_of(executed.states)[0]
+        assert field.signed_distance(points).min() > 0, "a point is inside the hook"
+        assert _penetration(world, 0) < 0.003
+    middle = points[np.abs(points[:, 1]).argmin(), 2]
+    assert (middle < plate.position[2]) == held
+    assert (ActionOutcome.STRETCH in ended) == held
+
+
+def test_a_rope_does_not_pass_through_itself() -> None:
+    """One end is led around the strand of the other and drawn back: the strands catch each other."""
+    world = _world(None, _held((0.8, 0.08, 1.2), (0.8, -0.08, 1.2))[None])
+    near, still = [], [0, 0, 0]
+    for move in ([0.06, 0, 0], [0, -0.1, 0], [0, -0.1, 0], [-0.1, 0, 0], [0, 0.1, 0], [0, 0.1, 0], [0, 0.1, 0]):
+        action = world.observe()[:, : LAYOUT.action_size] + np.concatenate([move, still])
+        world.send(np.array([0]), action)
+        while not world._tick(world._active)[0]:
+            points = LAYOUT.points_of(world.observe())[0]
+            apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
+            near.append(apart[np.triu_indices(len(points), 4)].min())
+        world.receive()
+    assert min(near) < 4 * ROPE.radius, "the strands never came near each other"
+    assert min(near) > 2 * ROPE.radius - 0.003
+
+
 def test_overstretching_is_undone_and_never_diverges() -> None:
     rng = stream(4, "stretch")
     states = np.array([DUAL.random_start(rng) for _ in range(16)])
