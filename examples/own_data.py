@@ -1,7 +1,7 @@
 """Learning from what one's own robot did: record its moves, learn a model, learn where that can be trusted, use both.
 
-The robot of own_robot.py, and now it bumps into what is in its way. `python examples/own_data.py [FOLDER]` takes a
-minute; a real robot takes as long as its moves do.
+The robot of own_robot.py, and now it bumps into what is in its way. `python examples/own_data.py [FOLDER]` takes
+half a minute; a real robot takes as long as its moves do.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class BumpingDriver(FakeDriver):
     def move_to(self, target: np.ndarray, timeout_s: float) -> bool:
         way = self.hand + np.linspace(0, 0.9, 30)[:, None] * (target - self.hand)
         hit = (self.around.occupied(way) | self.around.occupied(way - (0.0, 0.0, 0.2))).tolist()
-        self.hand = way[hit.index(True) - 1] if any(hit) else way[-1]
+        self.hand = way[max(hit.index(True) - 1, 0)] if any(hit) else way[-1]
         return not any(hit)
 
 
