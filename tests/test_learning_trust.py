@@ -231,6 +231,9 @@ def test_features_of_a_grid_do_not_depend_on_how_many_are_encoded_at_once(
     monkeypatch.setattr("fairlead.learning.trust_voxel.AT_ONCE", 2 * math.prod(grid.shape))
     torch.testing.assert_close(encoder(voxels), together, atol=1e-5, rtol=1e-4)
     assert encoder(voxels[:0]).shape == (0, encoder.size)
+    with torch.inference_mode():  # another layout of memory
+        torch.testing.assert_close(encoder(voxels), together, atol=1e-5, rtol=1e-4)
+        assert encoder(voxels[:0]).shape == (0, encoder.size)
 
 
 def test_mistakes_have_names() -> None:

@@ -63,10 +63,15 @@ class VoxelEncoder(nn.Module):
         return max(1, AT_ONCE // math.prod(self.grid.shape)) if voxels.device.type == "cpu" else len(voxels)
 
     def _features(self, voxels: Float[Tensor, "batch channel nx ny nz"]) -> Float[Tensor, "batch feature"]:
-        if not self.planar:
-            return self.layers(voxels.contiguous(memory_format=torch.channels_last_3d)).flatten(1)
-        folded = voxels.permute(0, 4, 1, 2, 3).flatten(0, 1).contiguous(memory_format=torch.channels_last)
-        return self.layers(folded).reshape(len(voxels), self.size)
+        if self.planar:
+            voxels = voxels.permute(0, 4, 1, 2, 3).flatten(0, 1)
+        if voxels.device.type == "cpu" and torch.backends.mkldnn.is_available() and not torch.is_grad_enabled():
+            # The layout that oneDNN chooses itself takes three quarters of the time; with gradients it takes more.
+            found = self.layers(voxels.to_mkldnn()).to_dense()
+        else:
+            layout = torch.channels_last if self.planar else torch.channels_last_3d
+            found = self.layers(voxels.contiguous(memory_format=layout))
+        return found.reshape(-1, self.size)
 
 
 @final
