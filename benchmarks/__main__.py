@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from benchmarks.planning import planner_vs_networks, planner_vs_ompl, rate_by_tr
 from benchmarks.rates import Rates
 from fairlead.core.roles import Dynamics, TransitionCheck
 from fairlead.core.streams import stream
+from fairlead.data.collect import GROUP
 from fairlead.learning.dynamics import Ensemble, LearnedDynamics
 from fairlead.learning.registry import load_check, load_dynamics, use_threads
 from fairlead.learning.trust import LearnedCheck, build_network
@@ -33,12 +33,10 @@ class Bench:
     """The worlds."""
     models: Path | None = None
     """Folder of trained models of one scenario (dynamics, trust-sdf); untrained networks by default."""
-    lanes: int = 64
-    """Simulations side by side."""
+    lanes: int = GROUP
+    """Simulations side by side, of one process: collection has as many processes as there are threads and lanes for."""
     steps: int = 30
     """Actions in a trajectory."""
-    threads: int = os.cpu_count() or 1
-    """Of the simulator. Planning runs on one."""
 
     def run(self) -> None:
         """Measure, and print."""
@@ -58,7 +56,7 @@ class Bench:
         for nodes, rate in rate_by_tree_size(problem, start).items():
             print(f"planner with {nodes:,} nodes: {rate:,.0f} checked transitions a second", file=sys.stderr)
         return {
-            "collect_vs_raw": collect_vs_raw(world, self.lanes, self.steps, self.threads),
+            "collect_vs_raw": collect_vs_raw(world, self.lanes, self.steps, threads=1),
             "planner_vs_ompl": planner_vs_ompl(problem, start),
             "planner_vs_networks": planner_vs_networks(problem, start),
         }

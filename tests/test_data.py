@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -12,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -188,6 +190,41 @@ def test_an_interrupted_run_goes_on_to_the_same_bytes(tmp_path: Path, dataset: P
         load(tmp_path / "d", "train", FakeScenario())
     collect(FakeScenario(), CONFIG, tmp_path / "d")
     assert contents(tmp_path / "d") == contents(dataset)
+
+
+@pytest.mark.parametrize(("count", "fragile"), [(CONFIG.trajectories, 0.0), (133, 0.1)])
+def test_several_processes_write_the_same_bytes_and_tell_of_as_many(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int, fragile: float
+) -> None:
+    config, told = replace(CONFIG, trajectories=count, obstacles_every=4), {"one": 0, "several": 0}
+    monkeypatch.setattr("fairlead.data.collect.GROUP", 6)
+    for name, threads in (("one", 1), ("several", 2)):
+
+        def advance(more: int, name: str = name) -> None:
+            told[name] += more
+
+        collect(FakeScenario(fragile), config, tmp_path / name, threads, advance)
+    assert contents(tmp_path / "one") == contents(tmp_path / "several")
+    assert told["one"] == told["several"] == config.steps * count
+    assert bool(fragile) == bool(read_manifest(tmp_path / "several", "dataset").extra["diverged"])
+
+
+def test_several_processes_interrupted_go_on_to_the_same_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, dataset: Path
+) -> None:
+    monkeypatch.setattr("fairlead.data.collect.GROUP", 8)
+    with pytest.raises(KeyboardInterrupt):
+        collect(FakeScenario(), CONFIG, tmp_path / "d", 2, interrupt_after(700))
+    assert not multiprocessing.active_children()
+    collect(FakeScenario(), CONFIG, tmp_path / "d")
+    assert contents(tmp_path / "d") == contents(dataset)
+
+
+def test_a_scenario_that_cannot_travel_is_told_to_stay_in_one_process(tmp_path: Path) -> None:
+    scenario: Any = FakeScenario()
+    scenario.hook = lambda: None
+    with pytest.raises(FairleadError, match="use one thread"):
+        collect(scenario, CollectConfig(2, 64, steps=2), tmp_path / "d", threads=2)
 
 
 def test_resuming_verifies_hashes(tmp_path: Path, dataset: Path) -> None:

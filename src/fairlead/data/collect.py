@@ -7,24 +7,32 @@ each other only where the obstacles move.
 
 from __future__ import annotations
 
+import itertools
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, final
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from fairlead.core.artifacts import Manifest
 from fairlead.core.budget import Clock
 from fairlead.core.errors import FairleadError
 from fairlead.core.streams import stream
-from fairlead.data.lanes import Lanes, Recorded
+from fairlead.core.workers import Ended, Workers
+from fairlead.data.lanes import Recorded
 from fairlead.data.recording import Recording
 from fairlead.data.shards import Shard, split_of
 from fairlead.data.store import Obstacles
+from fairlead.data.windows import Answer, Part, Recorder, Window, serve
 from fairlead.scenarios.scenario import Scenario
+
+GROUP = 32
+"""Lanes that a process is worth: it takes seconds to start, and what is not physics in a step is shared by them."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +90,7 @@ def collect(
         scenario: the world.
         config: what to record.
         folder: where; a finished dataset of the same configuration is verified and left as it is.
-        threads: of the simulator; they do not change a byte.
+        threads: of the simulator, in one process or, of many lanes, in several; they do not change a byte.
         advance: told how many more transitions there are, those found at the start included; fewer, where some were
             dropped.
         clock: measures wall time.
@@ -95,95 +103,127 @@ def collect(
         return recording.manifest
     lanes, steps = recording.config["lanes"], recording.config["steps"]
     advance(min(len(recording) * lanes, config.trajectories) * steps)
-    while len(recording) * lanes < config.trajectories:
-        _record(scenario, config, recording, threads, advance, clock)
+    groups = max(1, min(threads, lanes // GROUP))
+    recorder = Recorder(scenario, config.phase, config.seed, steps, max(1, threads // groups))
+    with Workers(serve, recorder, groups) as workers:
+        while len(recording) * lanes < config.trajectories:
+            windows = _windows(scenario, config, recording, groups)
+            gathered = _Gathered(recording, windows, advance, clock)
+            if groups == 1:
+                recorder.record(windows[0], partial(gathered.take, 0))
+            else:
+                for group, window in enumerate(windows):
+                    workers.begin(group, window)
+                for group, answer in workers.answers():
+                    gathered.take(group, answer)
+            gathered.close()
     return recording.finish()
 
 
-def _record(
-    scenario: Scenario,
-    config: CollectConfig,
-    recording: Recording,
-    threads: int,
-    advance: Callable[[int], None],
-    clock: Clock,
-) -> None:
-    """The shards up to where the obstacles move next, or to one in which a lane diverged.
+def _windows(scenario: Scenario, config: CollectConfig, recording: Recording, groups: int) -> list[Window]:
+    """What each group of lanes records until the obstacles move next.
 
-    Meanwhile lanes run ahead of each other; what a lane has recorded beyond the last shard is lost when the run ends.
+    A lane goes on from its last recorded state; a new one, or one that diverged, starts afresh. In phase 2 the scenario
+    arranges a new scene for a fresh start and every `obstacles_every` trajectories.
     """
-    began, taken, first, lanes = clock(), 0, len(recording), recording.config["lanes"]
-    lane = np.arange(min(lanes, config.trajectories - first * lanes))
-    moves = first - first % config.obstacles_every + config.obstacles_every
-    counts = np.minimum(moves, -(-(config.trajectories - lane) // lanes)) - first
-    starts = _starts(scenario, config, first, len(lane), recording.last(), recording.scenes, threads)
-    if config.phase == 1:
-        world, sampler = scenario.simulate_unconstrained(starts.states, threads), scenario.unconstrained_sampler
-    else:
-        obstacles = [starts.scenes[i] for i in starts.scene]
-        world, sampler = scenario.simulate(obstacles, starts.states, threads), scenario.sampler
-
-    def draws(lane: int, number: int) -> np.random.Generator:
-        return stream(config.seed, "actions", config.phase, lane, first + number)
-
-    for recorded in Lanes(world, sampler, counts, recording.config["steps"], draws, advance).record():
-        shard = _shard(len(recording) * lanes, starts.scene, recorded)
-        facts = {"diverged": int((~recorded.sound).sum()), "simulation_steps": world.steps - taken}
-        recording.append(shard, starts.scenes[len(recording.scenes) :], **facts, wall_s=clock() - began)
-        began, taken = clock(), world.steps
-
-
-@dataclass(frozen=True)
-class _Starts:
-    """Where the lanes go on: a state each, the index of its scene, and all scenes so far."""
-
-    states: Float[np.ndarray, "lane state"]
-    scene: Int[np.ndarray, " lane"]
-    scenes: list[Obstacles]
-
-
-def _starts(
-    scenario: Scenario,
-    config: CollectConfig,
-    index: int,
-    count: int,
-    previous: Shard | None,
-    known: list[Obstacles],
-    threads: int,
-) -> _Starts:
-    """A lane goes on from its last recorded state; a new one, or one that diverged, starts afresh.
-
-    In phase 2 the scenario arranges a new scene for a fresh start and every `obstacles_every` trajectories.
-    """
-    scenes, states, scene, moved = list(known), [], [], []
-    if config.phase == 1 and not scenes:
-        scenes.append(())
+    first, lanes, previous = len(recording), recording.config["lanes"], recording.last()
     rows = () if previous is None else zip(previous.lane, previous.states[:, -1], previous.scene, strict=True)
-    ends = {int(lane): (state.astype(float), int(place)) for lane, state, place in rows}
-    for lane in range(count):
-        fresh = lane not in ends
-        start = stream(config.seed, "start", config.phase, lane, index)
-        state, place = (scenario.random_start(start), 0) if fresh else ends[lane]
-        if config.phase == 2 and (fresh or index % config.obstacles_every == 0):
-            place = len(scenes) + len(moved)
-            moved.append(lane)
-        states.append(state)
-        scene.append(place)
-    stacked = np.stack(states)
-    if moved:
-        rngs = [stream(config.seed, "obstacles", config.phase, lane, index) for lane in moved]
-        obstacles, stacked[moved] = scenario.rearrange(stacked[moved], rngs, threads)
-        scenes.extend(obstacles)
-    return _Starts(stacked, np.array(scene), scenes)
+    ends = {int(lane): (state.astype(float), recording.scenes[place]) for lane, state, place in rows}
+    moves = first - first % config.obstacles_every + config.obstacles_every
+    windows = []
+    for ids in np.array_split(np.arange(min(lanes, config.trajectories - first * lanes)), groups):
+        states, scenes = [], []
+        for lane in map(int, ids):
+            fresh = lane not in ends
+            start = stream(config.seed, "start", config.phase, lane, first)
+            state, scene = (scenario.random_start(start), ()) if fresh else ends[lane]
+            states.append(state)
+            scenes.append(None if config.phase == 2 and (fresh or first % config.obstacles_every == 0) else scene)
+        if states:
+            counts = np.minimum(moves, -(-(config.trajectories - ids) // lanes)) - first
+            windows.append(Window(first, ids, counts, np.stack(states), scenes))
+    return windows
 
 
-def _shard(episode: int, scene: Int[np.ndarray, " lane"], recorded: Recorded) -> Shard:
+@final
+class _Gathered:
+    """Puts together, shard by shard, what groups of lanes record side by side.
+
+    The shards go up to where the obstacles move next, or to one in which a lane diverged. Meanwhile lanes run ahead of
+    each other; what a lane has recorded beyond the last shard is lost when the run ends.
+    """
+
+    def __init__(
+        self, recording: Recording, windows: list[Window], advance: Callable[[int], None], clock: Clock
+    ) -> None:
+        self._recording, self._windows, self._advance, self._clock = recording, windows, advance, clock
+        self._arranged: list[list[Obstacles]] = [[] for _ in windows]
+        self._parts: list[deque[Part]] = [deque() for _ in windows]
+        self._place: dict[int, int] = {}
+        self._number, self._sound, self._told, self._began = 0, True, 0, clock()
+
+    def take(self, group: int, answer: Answer | Ended) -> None:
+        """What a group's window told."""
+        if isinstance(answer, int):
+            self._told += answer
+            self._advance(answer)
+        elif isinstance(answer, list):
+            self._arranged[group] = answer
+        elif isinstance(answer, Part):
+            self._parts[group].append(answer)
+            while self._sound and (groups := self._recording_groups()) and all(self._parts[i] for i in groups):
+                self._append(groups)
+
+    def close(self) -> None:
+        """All windows have ended: take back what was told of actions that are in no shard."""
+        if self._told:
+            self._advance(-self._told)
+
+    def _recording_groups(self) -> list[int]:
+        """The groups that record a trajectory of the next number."""
+        return [i for i, window in enumerate(self._windows) if window.counts.max() > self._number]
+
+    def _append(self, groups: list[int]) -> None:
+        """Write the next shard, the first time with the scenes that were arranged."""
+        scenes = [] if self._number else self._begun()
+        parts = [self._parts[i].popleft() for i in groups]
+        lane = np.concatenate(
+            [self._windows[i].lanes[part.recorded.lane] for i, part in zip(groups, parts, strict=True)]
+        )
+        columns = [np.concatenate([getattr(part.recorded, name) for part in parts]) for name in _COLUMNS]
+        recorded = Recorded(lane, *columns)
+        taken, diverged = sum(part.simulation_steps for part in parts), int((~recorded.sound).sum())
+        facts = {"diverged": diverged, "simulation_steps": taken}
+        place = np.array([self._place[int(i)] for i in lane])
+        shard = _shard(len(self._recording) * self._recording.config["lanes"], place, recorded)
+        self._recording.append(shard, scenes, **facts, wall_s=self._clock() - self._began)
+        self._told -= recorded.outcomes.size
+        self._number, self._sound, self._began = self._number + 1, bool(recorded.sound.all()), self._clock()
+
+    def _begun(self) -> list[Obstacles]:
+        """The scenes that are new; from now on it is known in which scene each lane is."""
+        known, previous = len(self._recording.scenes), self._recording.last()
+        new = [scene for arranged in self._arranged for scene in arranged]
+        if not known and not new:
+            new = [()]
+        before = {} if previous is None else dict(zip(previous.lane.tolist(), previous.scene.tolist(), strict=True))
+        later = itertools.count(known)
+        for window in self._windows:
+            for lane, scene in zip(window.lanes.tolist(), window.scenes, strict=True):
+                self._place[lane] = next(later) if scene is None else before.get(lane, 0)
+        return new
+
+
+_COLUMNS = ("sound", "states", "actions", "seconds", "outcomes")
+
+
+def _shard(episode: int, place: Int[np.ndarray, " lane"], recorded: Recorded) -> Shard:
     """What was recorded and did not diverge; `episode` is the number of the first lane's."""
     lane, sound = recorded.lane[recorded.sound], recorded.sound
     return Shard(
         episode=episode + lane,
         lane=lane,
-        scene=scene[lane],
+        scene=place[sound],
         split=np.array([split_of(int(i)) for i in lane], dtype=str),
         states=recorded.states[sound].astype(np.float32),
         actions=recorded.actions[sound].astype(np.float32),

@@ -46,7 +46,7 @@ class Lanes:
         counts: how many trajectories each lane records.
         steps: actions in a trajectory.
         stream: the random stream of the actions of a lane in a trajectory.
-        advance: told how many more actions there are; fewer, where some were dropped.
+        advance: told how many more actions there are, those included that lanes ran ahead with for nothing.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class Lanes:
         advance: Callable[[int], None],
     ) -> None:
         self._world, self._sampler, self._counts, self._steps = world, sampler, counts, steps
-        self._stream, self._advance, self._told = stream, advance, 0
+        self._stream, self._advance = stream, advance
         layout, lanes, shape = world.layout, len(counts), (max(counts), len(counts), steps + 1)
         # Entry k along the last axis is state k, the action taken there, and how state k came about.
         self._states, self._actions = np.empty((*shape, layout.state_size)), np.empty((*shape, layout.action_size))
@@ -80,10 +80,8 @@ class Lanes:
             lane = np.flatnonzero(self._counts > number)
             sound, columns = self._sound(number, lane), (self._states, self._actions, self._seconds, self._outcomes)
             states, actions, seconds, outcomes = (column[number, lane] for column in columns)
-            self._told -= len(lane) * self._steps
             yield Recorded(lane, sound, states, actions[:, :-1], seconds[:, 1:], outcomes[:, 1:])
             if not sound.all():
-                self._advance(-self._told)
                 return
 
     def _begin(self, ids: Int[np.ndarray, " some"]) -> None:
@@ -118,7 +116,6 @@ class Lanes:
             self._finished[over] += 1
             self._going[over] = sound & (self._finished[over] < self._counts[over])
             resting = np.concatenate([resting, ids[self._going[ids]]])
-            self._told += int(acted.sum())
             self._advance(int(acted.sum()))
         return np.sort(resting)
 
