@@ -27,6 +27,7 @@ from fairlead.report.playback import FPS, SPEED, Branches, Episode, Recording, a
 from fairlead.report.sources import TrialSet, find_sources, told_apart
 from fairlead.report.tables import Table, actions_table, overview_table, success_table
 from fairlead.report.video import Panel, frame, within, write_video
+from fairlead.report.videos import choose
 from fairlead.reproduce.cameras import camera
 from fairlead.scenarios.registry import scenario
 
@@ -243,6 +244,29 @@ def test_a_movie_shows_first_what_tells_most(trials: Path, tmp_path: Path) -> No
     assert [int(take.scene[-3:]) for take in takes(found, 4)] == [2, 5, 1, 3]
     assert takes(found, 6)[-1].caption.startswith("only the right one")
     assert [take.scene for take in recoveries(found, ())] == ["scene-003"]
+
+
+@pytest.mark.parametrize("reference_fails", [True, False])
+def test_the_page_shows_a_recovery_and_a_failed_one(trials: Path, tmp_path: Path, reference_fails: bool) -> None:
+    """Of the reference if there is one, else of another method; each trial alone is shown once."""
+    folder = tmp_path / "told"
+    shutil.copytree(trials, folder)
+    (folder / "trials.jsonl").unlink()
+    recovered = {"trust": {2: True, 3: not reference_fails}, "accept-all": {}, "collision-check": {4: False}}
+    for row in synthetic.rows(scenes=6, seeds=1):
+        if row["method"] not in recovered:
+            continue
+        number, ends = int(row["scene"][-3:]), recovered[row["method"]]
+        row |= {"success": ends.get(number, number < 2), "recovery_actions": 5 * (number in ends), "times_stuck": 2}
+        append_jsonl(folder / "trials.jsonl", row)
+        (folder / "traces" / row["method"] / f"{row['scene']}-{row['seed']}").mkdir(parents=True)
+    found = choose(TrialSet(folder))
+    alone = [(choice.methods[0], int(choice.key[0][-3:])) for choice in found if len(choice.methods) == 1]
+    rest = [("trust", 3), ("trust", 2)] if reference_fails else [("trust", 4), ("trust", 2), ("collision-check", 4)]
+    assert alone[1:] == rest
+    told = [key for key, choice in zip(alone, found[-len(alone) :], strict=True) if "5 recovery" in choice.caption]
+    assert set(told) == {("trust", 2), rest[0] if reference_fails else rest[2]}
+    assert len(set(alone)) == len(alone)
 
 
 def test_report_says_what_it_made(trials: Path, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Which trials to show: the reference method beside the one without trust, a success, and a failure."""
+"""Which trials to show: the reference method beside the one without trust, successes, failures and recoveries."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from fairlead.report.stage import SIDE, Cameras
 from fairlead.report.video import Panel, write_gif, write_video
 
 BASELINE = "accept-all"
+Key = tuple[str, int]
+"""A scene and a seed."""
 
 
 @dataclass(frozen=True)
@@ -61,40 +63,68 @@ def foretold(
         yield [Panel(predicted, scene, executed.points, camera), executed]
 
 
-def traced(trials: TrialSet, method: str) -> dict[tuple[str, int], dict[str, Any]]:
+def traced(trials: TrialSet, method: str) -> dict[Key, dict[str, Any]]:
     """The rows of a method whose traces were kept, by scene and seed."""
     rows = trials.rows_of.get(method, [])
     return {(r["scene"], r["seed"]): r for r in rows if trials.trace(method, r["scene"], r["seed"])}
 
 
-def choose(trials: TrialSet) -> list[tuple[str, list[str], tuple[str, int]]]:
-    """Captions, methods and (scene, seed) of the videos.
+@dataclass(frozen=True)
+class Choice:
+    """Trials to show: of several methods side by side, or of one, as predicted and as executed."""
 
-    The reference beside `accept-all`, on the first scene where only the reference succeeds (else on any); and a success
-    and a failure of the reference, each as predicted and as executed.
+    caption: str
+    methods: tuple[str, ...]
+    key: Key
+
+
+def choose(trials: TrialSet) -> list[Choice]:
+    """Which trials to show, of those whose traces were kept.
+
+    The reference beside `accept-all`, on the first scene where only the reference succeeds (else on any); a success and
+    a failure of the reference; and a recovery after which the goal was reached, and one that led nowhere: of the
+    reference if there is one, else of another method.
     """
-    method = trials.reference
-    ours, theirs = traced(trials, method), traced(trials, BASELINE)
+    method, rows = trials.reference, {name: traced(trials, name) for name in trials.rows_of}
+    ours, theirs = rows.get(method, {}), rows.get(BASELINE, {})
     both = [key for key in ours if key in theirs and method != BASELINE]
-    chosen: list[tuple[str, list[str], tuple[str, int]]] = []
+    chosen: list[Choice] = []
     told = [key for key in both if ours[key]["success"] and not theirs[key]["success"]]
     if both:
         key = (told or both)[0]
         why = "the first kept trial where only one of them succeeds" if told else "the first kept trial"
-        chosen.append((f"{method} beside {BASELINE} on {key[0]}: {why}.", [method, BASELINE], key))
-    shown = {key for _, _, key in chosen}
-    for word, wanted in (("success", True), ("failure", False)):
+        chosen.append(Choice(f"{method} beside {BASELINE} on {key[0]}: {why}.", (method, BASELINE), key))
+    shown = {choice.key for choice in chosen}
+    for wanted in (True, False):
         found = sorted((key for key in ours if ours[key]["success"] == wanted), key=lambda key: key in shown)
-        caption = "A {} of {} on {}: as predicted, and as executed."
-        chosen += [(caption.format(word, method, key[0]), [method], key) for key in found[:1]]
+        chosen += [_alone(method, key, ours[key]) for key in found[:1]]
+    alone = {(choice.methods[0], choice.key) for choice in chosen if len(choice.methods) == 1}
+    for wanted in (True, False):
+        found = [
+            (name, key)
+            for name in sorted(rows, key=lambda name: name != method)
+            for key, row in rows[name].items()
+            if row["recovery_actions"] and row["success"] == wanted
+        ]
+        if not alone & set(found):
+            chosen += [_alone(name, key, rows[name][key]) for name, key in found[:1]]
     return chosen
+
+
+def _alone(method: str, key: Key, row: Mapping[str, Any]) -> Choice:
+    """One trial, and what came of it."""
+    what = "success" if row["success"] else "failure"
+    stuck = f"stuck {row['times_stuck']} times, {row['recovery_actions']} recovery actions; "
+    told = stuck if row["recovery_actions"] else ""
+    return Choice(f"A {what} of {method} on {key[0]}: {told}as predicted, and as executed.", (method,), key)
 
 
 def make_videos(trials: TrialSet, folder: Path, cameras: Cameras) -> list[Clip]:
     """Write the videos of a set of trials, and a moving GIF of the first."""
     scenes = {scene["name"]: scene for scene in trials.scenes}
     clips = []
-    for number, (caption, methods, (scene, seed)) in enumerate(choose(trials)):
+    for number, choice in enumerate(choose(trials)):
+        methods, (scene, seed) = choice.methods, choice.key
         path = folder / f"{trials.name}-{number}.mp4"
         traces = {method: trials.folder / "traces" / method / f"{scene}-{seed}" for method in methods}
         show = trials.config, scenes[scene]
@@ -104,5 +134,5 @@ def make_videos(trials: TrialSet, folder: Path, cameras: Cameras) -> list[Clip]:
         gif = path.with_suffix(".gif") if number == 0 else None
         if gif is not None:
             write_gif(path, gif)
-        clips.append(Clip(path, caption, gif))
+        clips.append(Clip(path, choice.caption, gif))
     return clips

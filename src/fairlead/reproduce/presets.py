@@ -58,7 +58,7 @@ class Preset:
             several planning attempts.
         improved: methods that are tried on each set with the best planner too, for 60 s, with three seeds.
         sensitivity: trust at other deltas (Fig. S2); None for without.
-        traced: traces are kept of the first so many scenes of the first set.
+        traced: traces are kept of the first so many scenes of each set, for the report's videos.
         videos: whether the report has them.
     """
 

@@ -39,7 +39,7 @@ def try_sets(
     for name, scenes in sets.items():
         first = name == next(iter(sets))
         config = TrialsConfig(scenario.name, models, scenes, preset.methods, preset.budget, planner=preset.planner,
-                              seeds=preset.seeds, limit=preset.sets[name], traced=preset.traced if first else 0,
+                              seeds=preset.seeds, limit=preset.sets[name], traced=preset.traced,
                               reference=preset.methods[0])  # fmt: skip
         found = try_all(config, out / name, workers, bar)["methods"]
         untraced = replace(config, traced=0)
