@@ -25,7 +25,7 @@ from fairlead.report.movie import recoveries, takes
 from fairlead.report.page import write_report
 from fairlead.report.playback import FPS, SPEED, Branches, Episode, Recording, as_predicted, views
 from fairlead.report.sources import TrialSet, find_sources, told_apart
-from fairlead.report.tables import Table, actions_table, overview_table, success_table
+from fairlead.report.tables import Table, actions_table, effort_table, error_table, overview_table, success_table
 from fairlead.report.video import Panel, frame, within, write_video
 from fairlead.report.videos import choose
 from fairlead.reproduce.cameras import camera
@@ -161,6 +161,18 @@ def test_several_sets_of_trials_are_seen_at_a_glance() -> None:
     partly = overview_table({"one": one, "only": only})
     assert partly.rows[1][partly.columns.index("accept-all")] == "-"
     assert partly.rows[-1][partly.columns.index("accept-all")] == "-"
+
+
+def test_a_method_with_fewer_trials_than_others_is_marked() -> None:
+    """Its numbers are of other scenes: they stand beside the others' only with a warning, and in no overview."""
+    rows = [row for row in synthetic.rows(4, 1) if row["method"] != "trust" or row["scene"] < "scene-002"]
+    summary = summarise(rows, tuple(synthetic.RATES), 0)
+    named = [row[0] for table in (error_table(summary, ""), effort_table(summary), actions_table(summary))
+             for row in table.rows]  # fmt: skip
+    assert named.count("trust (only 2 of 4 trials)") == named.count("trust-sdf") == 3
+    overview = overview_table({"one": summary, "two": summary})
+    assert {row[overview.columns.index("trust")] for row in overview.rows} == {"-"}
+    assert "-" not in [row[overview.columns.index("trust-sdf")] for row in overview.rows]
 
 
 def test_video_is_written_and_its_frames_are_not_empty(tmp_path: Path) -> None:

@@ -63,25 +63,44 @@ def _metres(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f}"
 
 
+def _whole(summary: Summary) -> int:
+    """How many trials a method has that was tried everywhere."""
+    return max(entry["trials"] for entry in summary["methods"].values())
+
+
+def _name(summary: Summary, name: str) -> str:
+    """A method's name, and how many trials it has where others of the set have more."""
+    trials, whole = summary["methods"][name]["trials"], _whole(summary)
+    return name if trials == whole else f"{name} (only {trials} of {whole} trials)"
+
+
 def overview_table(summaries: Mapping[str, Summary]) -> Table:
     """Success and mean error of every method in each set of trials, and the means of these over sets of one budget."""
     names = list(dict.fromkeys(name for summary in summaries.values() for name in summary["order"]))
     rows = []
     for title, summary in summaries.items():
         found, reference = summary["methods"], summary.get("reference", summary["order"][0])
-        cells = [_outcome(found[name]["success"]["value"], found[name]["error_m"]["mean"]) if name in found else "-"
-                 for name in names]  # fmt: skip
+        whole = _whole(summary)
+        cells = [_outcome(found[name]["success"]["value"], found[name]["error_m"]["mean"])
+                 if name in found and found[name]["trials"] == whole else "-" for name in names]  # fmt: skip
         recovered = str(found[reference]["recovery_actions"])
         rows.append((title, str(found[reference]["trials"]), *cells, f"{recovered} ({reference})"))
     means = []
     for name in names:
-        entries = [summary["methods"][name] for summary in summaries.values() if name in summary["methods"]]
+        entries = [
+            summary["methods"][name]
+            for summary in summaries.values()
+            if name in summary["methods"] and summary["methods"][name]["trials"] == _whole(summary)
+        ]
         both = (sum(values) / len(entries) for values in zip(
             *((entry["success"]["value"], entry["error_m"]["mean"]) for entry in entries), strict=True))  # fmt: skip
         alike = len(entries) == len(summaries) and len({entry["budget"] for entry in entries}) == 1
         means.append(_outcome(*both) if alike else "-")
     columns = ("trials of", "scenes and seeds", *names, "recovery actions")
-    note = "Success and mean final error of all trials of a method. Recovery actions: those of the reference, in all."
+    note = (
+        "Success and mean final error of methods that were tried on the whole set. "
+        "Recovery actions: those of the reference, in all."
+    )
     return Table("Overview", columns, (*rows, ("mean", "", *means, "")), note)
 
 
@@ -114,7 +133,7 @@ def error_table(summary: Summary, scenario: str) -> Table:
     rows: list[tuple[str, ...]] = []
     for name, entry in summary["methods"].items():
         values = [entry["error_m"][key] for key in ("min", "max", "mean", "median", "sd")]
-        rows.append((name, percent(entry["success"]["value"]), *map(_metres, values)))
+        rows.append((_name(summary, name), percent(entry["success"]["value"]), *map(_metres, values)))
     ours = len(rows)
     rows += [
         (f"paper: {paper.name}", percent(paper.success), *map(_metres, paper.error_m))
@@ -166,7 +185,7 @@ def effort_table(summary: Summary) -> Table:
     )
     rows = [
         (
-            name,
+            _name(summary, name),
             f"{entry['mean_plans']:.1f}",
             f"{entry['mean_actions']:.1f}",
             f"{entry['mean_extensions']:,.0f}",
@@ -188,7 +207,7 @@ def actions_table(summary: Summary) -> Table:
     for name, counts in ends.items():
         total = sum(counts.values())
         shares = [f"{100 * counts.get(end.label, 0) / total:.1f} %" if total else "-" for end in seen]
-        rows.append((name, f"{total:,}", *shares))
+        rows.append((_name(summary, name), f"{total:,}", *shares))
     columns = ("method", "actions", *(end.label.replace("_", " ") for end in seen))
     return Table("How actions ended", columns, tuple(rows), " ".join(end.sentence for end in seen))
 
