@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -43,11 +45,12 @@ def _scenes() -> tuple[list[tuple[Obstacle, ...]], np.ndarray]:
     return DUAL.rearrange(np.empty((24, 0)), [stream(1, "scene", i) for i in range(24)])
 
 
-def _penetration(world: DualArmWorld, copy: int) -> float:
-    """How deep [m] the deepest contact of a copy is."""
+def _penetration(world: DualArmWorld, copy: int, but: Sequence[int] = ()) -> float:
+    """How deep [m] the deepest contact of a copy is, but for those of some geoms."""
     data = world.simulation.batch.get_data(copy)
     mujoco.mj_forward(world.simulation.model, data)
-    return float(-data.contact.dist.min(initial=0.0))
+    counts = ~np.isin(data.contact.geom, but).any(axis=1)
+    return float(-data.contact.dist[counts].min(initial=0.0))
 
 
 def _wait(world: DualArmWorld, seconds: float) -> None:
@@ -97,6 +100,23 @@ def test_a_released_rope_falls_freely() -> None:
     np.testing.assert_allclose(fallen, np.tile([0.0, 0.0, expected], (ROPE.links, 1)), atol=1e-6)
 
 
+@pytest.mark.parametrize("degrees", [44.0, 55.0])
+def test_on_a_slope_a_released_rope_holds_or_slides_as_its_friction_tells(degrees: float) -> None:
+    """It lies straight on the table, and gravity turns: it slides with g (sin - mu cos) where that is positive."""
+    model, slope = build_spec((), ROPE).compile(), np.radians(degrees)
+    data = mujoco.MjData(model)
+    data.eq_active[:] = 0
+    data.qpos[:3] = [0.8, 0.0, TABLE.position[2] + TABLE.size[2] / 2 + ROPE.radius]
+    data.qpos[3:7] = [np.sqrt(0.5), 0, 0, np.sqrt(0.5)]
+    mujoco.mj_step(model, data, 100)
+    model.opt.gravity = 9.81 * np.array([0, np.sin(slope), -np.cos(slope)])
+    mujoco.mj_step(model, data, 25)
+    before = data.qvel[1]
+    mujoco.mj_step(model, data, 50)
+    slides = max(0.0, 9.81 * (np.sin(slope) - ROPE.friction[0] * np.cos(slope)))
+    np.testing.assert_allclose((data.qvel[1] - before) / (50 * model.opt.timestep), slides, rtol=0.03, atol=1e-3)
+
+
 def test_joint_positions_lay_the_rope_along_its_own_points() -> None:
     obstacles, states = _scenes()
     world = _world(obstacles, states)
@@ -142,6 +162,32 @@ def test_pulled_down_onto_a_bar_the_rope_neither_sinks_in_nor_tunnels_and_holds(
         assert points[np.abs(points[:, 1]).argmin(), 2] > 0.86, "the rope has passed through the bar"
     assert world.observe()[0, 2] < 0.8
     assert worst < 0.003, f"penetration of {1000 * worst:.2f} mm"
+
+
+def test_pulls_of_full_length_into_whatever_is_there_neither_tunnel_nor_sink() -> None:
+    """Each gripper goes its own way, half of them down; checked while they move, not after settling.
+
+    The two links that grippers hold go where the arms go, up to a finger's clearance from an obstacle.
+    """
+    obstacles, states = (rows[:8] for rows in _scenes())
+    world, rng, worst = _world(obstacles, states, arms=True), stream(8, "pulls"), 0.0
+    fields = [DUAL.environment(o) for o in obstacles]
+    held = [world.simulation.model.geom(f"link{i}").id for i in (0, ROPE.links - 1)]
+    for _ in range(3):
+        ways = rng.normal(size=(len(states), 2, 3))
+        ways[::2, :, 2] = -np.abs(ways[::2, :, 2])
+        pulls = DUAL.sampler.reach * ways / np.linalg.norm(ways, axis=-1, keepdims=True)
+        world.send(np.arange(len(states)), DUAL.sampler.targets(world.observe(), pulls))
+        for tick in itertools.count():
+            if not len(world._active):
+                break
+            world._active = world._active[~world._tick(world._active)]
+            for i in range(len(states) if tick % 8 == 0 else 0):
+                points = LAYOUT.points_of(world.observe()[i])
+                assert fields[i].signed_distance(points).min() > 0, "a point is inside an obstacle"
+                worst = max(worst, _penetration(world, i, held))
+    assert not world.simulation.diverged(np.arange(len(states), dtype=np.int32)).any()
+    assert 0 < worst < 0.003, f"penetration of {1000 * worst:.2f} mm"
 
 
 def test_a_rope_caught_on_a_hook_holds() -> None:
