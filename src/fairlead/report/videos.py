@@ -14,6 +14,7 @@ from fairlead.core.traces import read_trace
 from fairlead.report.playback import as_predicted, recording
 from fairlead.report.sources import TrialSet
 from fairlead.report.stage import SIDE, Cameras
+from fairlead.report.tables import counted
 from fairlead.report.video import Panel, write_gif, write_video
 
 BASELINE = "accept-all"
@@ -114,7 +115,7 @@ def choose(trials: TrialSet) -> list[Choice]:
 def _alone(method: str, key: Key, row: Mapping[str, Any]) -> Choice:
     """One trial, and what came of it."""
     what = "success" if row["success"] else "failure"
-    stuck = f"stuck {row['times_stuck']} times, {row['recovery_actions']} recovery actions; "
+    stuck = f"stuck {counted(row['times_stuck'], 'time')}, {counted(row['recovery_actions'], 'recovery action')}; "
     told = stuck if row["recovery_actions"] else ""
     return Choice(f"A {what} of {method} on {key[0]}: {told}as predicted, and as executed.", (method,), key)
 
