@@ -81,7 +81,7 @@ def test_not_a_number_is_not_accepted(name: str) -> None:
 
 
 @pytest.mark.parametrize(("grippers", "planar"), [(1, True), (1, False), (2, True), (2, False)])
-def test_augmented_features_are_those_of_the_mirrored_and_exchanged_scene(grippers: int, planar: bool) -> None:
+def test_augmented_features_are_those_of_themirrored_and_exchanged_scene(grippers: int, planar: bool) -> None:
     layout, rng = StateLayout(("left", "right")[:grippers], 4), np.random.default_rng(0)
     network = build_network(layout, TrustConfig("sdf", planar=planar, hidden=8), 0)
     states, after = rng.uniform(-0.3, 0.3, (2, 40, layout.state_size))
