@@ -74,18 +74,17 @@ def _method_summary(rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _comparison(ours: Sequence[Row], baseline: Sequence[Row], rng: np.random.Generator) -> dict[str, Any]:
-    """Ours against a baseline: the paper's t-test on all scenes, paired tests on the trials that both have.
+    """Ours against a baseline, on the trials that both have: the paper's t-test, and paired tests.
 
     Differences with intervals need two scenes at least.
     """
     theirs = {(row["scene"], row["seed"]): row for row in baseline}
     pairs = [(row, theirs[row["scene"], row["seed"]]) for row in ours if (row["scene"], row["seed"]) in theirs]
-    result: dict[str, Any] = {
-        "pairs": len(pairs),
-        "welch_p": welch_p(*(np.array(list(_by_scene(rows, "error_m").values())) for rows in (ours, baseline))),
-    }
+    result: dict[str, Any] = {"pairs": len(pairs), "welch_p": None}
     if not pairs:
         return result
+    errors = [np.array(list(_by_scene([pair[side] for pair in pairs], "error_m").values())) for side in (0, 1)]
+    result["welch_p"] = welch_p(*errors)
     _, scenes = np.unique([a["scene"] for a, _ in pairs], return_inverse=True)
     for key, name in (("success", "mcnemar_p"), ("first_plan_success", "first_plan_mcnemar_p")):
         means = [_by_scene([pair[side] for pair in pairs], key) for side in (0, 1)]
