@@ -25,6 +25,7 @@ from fairlead.core import artifacts
 from fairlead.core.artifacts import MANIFEST, read_manifest, sha256
 from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
 from fairlead.core.records import ActionOutcome
+from fairlead.core.workers import travels
 from fairlead.data import recording
 from fairlead.data.collect import CollectConfig, collect
 from fairlead.data.recording import PROGRESS
@@ -33,6 +34,7 @@ from fairlead.data.store import SCENES, load, scenes_from_json, shards_of
 from fairlead.data.verify import info, verify
 from fairlead.scenarios.dragging import Dragging
 from fairlead.scenarios.registry import SCENARIOS
+from fairlead.scenarios.registry import scenario as find_scenario
 from fakes import LAYOUT, LINK, FakeScenario
 
 CONFIG = CollectConfig(phase=2, trajectories=16 * 9 + 3, seed=5, lanes=16, steps=6)
@@ -220,11 +222,29 @@ def test_several_processes_interrupted_go_on_to_the_same_bytes(
     assert contents(tmp_path / "d") == contents(dataset)
 
 
-def test_a_scenario_that_cannot_travel_is_told_to_stay_in_one_process(tmp_path: Path) -> None:
+def test_a_scenario_that_cannot_travel_stays_in_one_process(tmp_path: Path, dataset: Path) -> None:
     scenario: Any = FakeScenario()
     scenario.hook = lambda: None
-    with pytest.raises(FairleadError, match="use one thread"):
-        collect(scenario, CollectConfig(2, 64, steps=2), tmp_path / "d", threads=2)
+    assert not travels(scenario)
+    collect(scenario, replace(CONFIG, lanes=64), tmp_path / "d", threads=2)
+    collect(FakeScenario(), replace(CONFIG, lanes=64), tmp_path / "alone")
+    assert contents(tmp_path / "d") == contents(tmp_path / "alone")
+
+
+@pytest.mark.parametrize("name", sorted(SCENARIOS))
+def test_scenarios_travel_to_other_processes(name: str) -> None:
+    assert travels(find_scenario(name))
+
+
+def test_a_worker_that_dies_ends_the_recording_with_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def advance(_: int) -> None:
+        for worker in multiprocessing.active_children():
+            worker.kill()
+
+    monkeypatch.setattr("fairlead.data.collect.GROUP", 8)
+    with pytest.raises(FairleadError, match=r"worker process died \(exit code -9\); the same command goes on"):
+        collect(FakeScenario(), replace(CONFIG, steps=400), tmp_path / "d", 2, advance)
+    assert not multiprocessing.active_children()
 
 
 def test_resuming_verifies_hashes(tmp_path: Path, dataset: Path) -> None:

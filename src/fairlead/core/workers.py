@@ -19,6 +19,7 @@ from fairlead.core.errors import FairleadError
 Tell = Callable[[Any], None]
 Serve = Callable[[Any], Callable[[Any, Tell], None]]
 """Called once in a worker with what all are given; the result, with each job and a function that sends an answer."""
+THREADS = "OMP_NUM_THREADS"
 
 
 class Ended(Enum):
@@ -27,17 +28,28 @@ class Ended(Enum):
     JOB = "job"
 
 
+def travels(given: Any) -> bool:
+    """Whether another process can be given this."""
+    try:
+        pickle.dumps(given)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return False
+    return True
+
+
 @final
 class Workers:
-    """Processes with one computing thread each, started when they are needed.
+    """Processes in each of which numpy and torch compute on one thread, started when they are needed.
 
     As a context it stops them in the end, and no others.
 
     Args:
         serve: what a worker does, a function of a module.
-        given: what `serve` is called with.
+        given: what `serve` is called with; it `travels`.
         count: how many.
 
+    Raises:
+        FairleadError: there is to be none.
     """
 
     def __init__(self, serve: Serve, given: Any, count: int) -> None:
@@ -58,30 +70,29 @@ class Workers:
             process.join()
 
     def begin(self, worker: int, job: Any) -> None:
-        """Give a job to the worker of this number, 0 to `count` - 1, which has nothing to do.
-
-        Raises:
-            FairleadError: what all are given cannot travel to another process.
-        """
+        """Give a job to the worker of this number, 0 to `count` - 1, which has nothing to do."""
+        messages = [job] if worker in self._pipes else [self._setup, job]
         if worker not in self._pipes:
             self._start(worker)
         pipe = self._pipes[worker]
         with suppress(OSError):  # a worker that died in between is found when it is waited for
-            pipe.send(job)
+            for message in messages:
+                pipe.send(message)
         self._busy[pipe] = worker
 
     def _start(self, worker: int) -> None:
-        try:
-            setup = pickle.dumps(self._setup)
-        except (pickle.PicklingError, AttributeError, TypeError) as error:
-            raise FairleadError(f"no other process can be told what to do ({error}); use one thread") from None
-        os.environ["OMP_NUM_THREADS"] = "1"  # read by numpy and torch when the process starts
         context = multiprocessing.get_context("spawn")
-        self._pipes[worker], theirs = context.Pipe()
-        process = self._processes[worker] = context.Process(target=_work, args=(theirs,), daemon=True)
-        process.start()
+        ours, theirs = context.Pipe()
+        process = context.Process(target=_work, args=(theirs,), daemon=True)
+        before = os.environ.get(THREADS)
+        os.environ[THREADS] = "1"  # read by numpy and torch when the process starts
+        try:
+            process.start()
+        finally:
+            os.environ.pop(THREADS)
+            os.environ.update({} if before is None else {THREADS: before})
         theirs.close()
-        self._pipes[worker].send_bytes(setup)
+        self._pipes[worker], self._processes[worker] = ours, process
 
     def answers(self) -> Generator[tuple[int, Any]]:
         """Each worker's answers as they come, `Ended.JOB` the last to a job, until no worker is busy.
@@ -104,9 +115,9 @@ class Workers:
             found = self._pipes[worker].recv()
         except (EOFError, OSError):
             process.join()
-            raise FairleadError(
-                f"a worker process died (exit code {process.exitcode}); the same command goes on with what is missing"
-            ) from None
+            code = process.exitcode or 0
+            what = "the same command goes on with what is missing" if code < 0 else "it said why, above"
+            raise FairleadError(f"a worker process died (exit code {code}); {what}") from None
         if isinstance(found, FairleadError):
             raise found
         return found
@@ -118,12 +129,12 @@ def _work(pipe: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_leave_with_parent, daemon=True).start()
     try:
-        serve, given = pickle.loads(pipe.recv_bytes())  # imports what takes seconds; the parent is watched already
+        serve, given = pipe.recv()  # imports what takes seconds; the parent is watched already
         do = serve(given)
         while True:
             do(pipe.recv(), pipe.send)
             pipe.send(Ended.JOB)
-    except EOFError:
+    except (EOFError, ConnectionError):
         return
     except FairleadError as error:
         # An error with a constructor of its own cannot travel between processes; its sentence can.

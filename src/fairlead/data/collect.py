@@ -11,7 +11,7 @@ import itertools
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import partial
 from pathlib import Path
 from typing import Any, final
@@ -23,7 +23,7 @@ from fairlead.core.artifacts import Manifest
 from fairlead.core.budget import Clock
 from fairlead.core.errors import FairleadError
 from fairlead.core.streams import stream
-from fairlead.core.workers import Ended, Workers
+from fairlead.core.workers import Ended, Workers, travels
 from fairlead.data.lanes import Recorded
 from fairlead.data.recording import Recording
 from fairlead.data.shards import Shard, split_of
@@ -90,7 +90,8 @@ def collect(
         scenario: the world.
         config: what to record.
         folder: where; a finished dataset of the same configuration is verified and left as it is.
-        threads: of the simulator, in one process or, of many lanes, in several; they do not change a byte.
+        threads: of the simulator; they do not change a byte. For many lanes they are shared out to several processes,
+            if the scenario can be pickled; a script that asks for it does so under `if __name__ == "__main__":`.
         advance: told how many more transitions there are, those found at the start included; fewer, where some were
             dropped.
         clock: measures wall time.
@@ -103,46 +104,51 @@ def collect(
         return recording.manifest
     lanes, steps = recording.config["lanes"], recording.config["steps"]
     advance(min(len(recording) * lanes, config.trajectories) * steps)
-    groups = max(1, min(threads, lanes // GROUP))
+    groups = max(1, min(threads, lanes // GROUP)) if travels(scenario) else 1
     recorder = Recorder(scenario, config.phase, config.seed, steps, max(1, threads // groups))
     with Workers(serve, recorder, groups) as workers:
         while len(recording) * lanes < config.trajectories:
-            windows = _windows(scenario, config, recording, groups)
-            gathered = _Gathered(recording, windows, advance, clock)
+            windows, places = _windows(scenario, config, recording, groups)
+            gathered = _Gathered(recording, windows, places, advance, clock)
             if groups == 1:
                 recorder.record(windows[0], partial(gathered.take, 0))
             else:
                 for group, window in enumerate(windows):
                     workers.begin(group, window)
                 for group, answer in workers.answers():
-                    gathered.take(group, answer)
+                    if answer is not Ended.JOB:
+                        gathered.take(group, answer)
             gathered.close()
     return recording.finish()
 
 
-def _windows(scenario: Scenario, config: CollectConfig, recording: Recording, groups: int) -> list[Window]:
-    """What each group of lanes records until the obstacles move next.
+def _windows(
+    scenario: Scenario, config: CollectConfig, recording: Recording, groups: int
+) -> tuple[list[Window], Int[np.ndarray, " lane"]]:
+    """What each group of lanes records until the obstacles move next, and the index of each lane's scene.
 
     A lane goes on from its last recorded state; a new one, or one that diverged, starts afresh. In phase 2 the scenario
     arranges a new scene for a fresh start and every `obstacles_every` trajectories.
     """
     first, lanes, previous = len(recording), recording.config["lanes"], recording.last()
     rows = () if previous is None else zip(previous.lane, previous.states[:, -1], previous.scene, strict=True)
-    ends = {int(lane): (state.astype(float), recording.scenes[place]) for lane, state, place in rows}
+    ends = {int(lane): (state.astype(float), int(place)) for lane, state, place in rows}
     moves = first - first % config.obstacles_every + config.obstacles_every
-    windows = []
+    windows, places, new = [], [], itertools.count(len(recording.scenes))
     for ids in np.array_split(np.arange(min(lanes, config.trajectories - first * lanes)), groups):
         states, scenes = [], []
         for lane in map(int, ids):
             fresh = lane not in ends
             start = stream(config.seed, "start", config.phase, lane, first)
-            state, scene = (scenario.random_start(start), ()) if fresh else ends[lane]
+            state, place = (scenario.random_start(start), 0) if fresh else ends[lane]
+            moved = config.phase == 2 and (fresh or first % config.obstacles_every == 0)
             states.append(state)
-            scenes.append(None if config.phase == 2 and (fresh or first % config.obstacles_every == 0) else scene)
+            scenes.append(None if moved else recording.scenes[place] if recording.scenes else ())
+            places.append(next(new) if moved else place)
         if states:
             counts = np.minimum(moves, -(-(config.trajectories - ids) // lanes)) - first
             windows.append(Window(first, ids, counts, np.stack(states), scenes))
-    return windows
+    return windows, np.array(places)
 
 
 @final
@@ -150,26 +156,32 @@ class _Gathered:
     """Puts together, shard by shard, what groups of lanes record side by side.
 
     The shards go up to where the obstacles move next, or to one in which a lane diverged. Meanwhile lanes run ahead of
-    each other; what a lane has recorded beyond the last shard is lost when the run ends.
+    each other, and where one diverged the other groups to their window's end; what a lane has recorded beyond the last
+    shard is lost.
     """
 
     def __init__(
-        self, recording: Recording, windows: list[Window], advance: Callable[[int], None], clock: Clock
+        self,
+        recording: Recording,
+        windows: list[Window],
+        places: Int[np.ndarray, " lane"],
+        advance: Callable[[int], None],
+        clock: Clock,
     ) -> None:
-        self._recording, self._windows, self._advance, self._clock = recording, windows, advance, clock
+        self._recording, self._windows, self._places = recording, windows, places
+        self._advance, self._clock = advance, clock
         self._arranged: list[list[Obstacles]] = [[] for _ in windows]
         self._parts: list[deque[Part]] = [deque() for _ in windows]
-        self._place: dict[int, int] = {}
         self._number, self._sound, self._told, self._began = 0, True, 0, clock()
 
-    def take(self, group: int, answer: Answer | Ended) -> None:
+    def take(self, group: int, answer: Answer) -> None:
         """What a group's window told."""
         if isinstance(answer, int):
             self._told += answer
             self._advance(answer)
         elif isinstance(answer, list):
             self._arranged[group] = answer
-        elif isinstance(answer, Part):
+        else:
             self._parts[group].append(answer)
             while self._sound and (groups := self._recording_groups()) and all(self._parts[i] for i in groups):
                 self._append(groups)
@@ -185,36 +197,21 @@ class _Gathered:
 
     def _append(self, groups: list[int]) -> None:
         """Write the next shard, the first time with the scenes that were arranged."""
-        scenes = [] if self._number else self._begun()
+        scenes = [] if self._number else [scene for arranged in self._arranged for scene in arranged]
+        if not scenes and not self._recording.scenes:
+            scenes = [()]
         parts = [self._parts[i].popleft() for i in groups]
         lane = np.concatenate(
             [self._windows[i].lanes[part.recorded.lane] for i, part in zip(groups, parts, strict=True)]
         )
-        columns = [np.concatenate([getattr(part.recorded, name) for part in parts]) for name in _COLUMNS]
-        recorded = Recorded(lane, *columns)
+        columns = {f.name: np.concatenate([getattr(part.recorded, f.name) for part in parts]) for f in fields(Recorded)}
+        recorded = Recorded(**columns | {"lane": lane})
         taken, diverged = sum(part.simulation_steps for part in parts), int((~recorded.sound).sum())
         facts = {"diverged": diverged, "simulation_steps": taken}
-        place = np.array([self._place[int(i)] for i in lane])
-        shard = _shard(len(self._recording) * self._recording.config["lanes"], place, recorded)
+        shard = _shard(len(self._recording) * self._recording.config["lanes"], self._places[lane], recorded)
         self._recording.append(shard, scenes, **facts, wall_s=self._clock() - self._began)
         self._told -= recorded.outcomes.size
         self._number, self._sound, self._began = self._number + 1, bool(recorded.sound.all()), self._clock()
-
-    def _begun(self) -> list[Obstacles]:
-        """The scenes that are new; from now on it is known in which scene each lane is."""
-        known, previous = len(self._recording.scenes), self._recording.last()
-        new = [scene for arranged in self._arranged for scene in arranged]
-        if not known and not new:
-            new = [()]
-        before = {} if previous is None else dict(zip(previous.lane.tolist(), previous.scene.tolist(), strict=True))
-        later = itertools.count(known)
-        for window in self._windows:
-            for lane, scene in zip(window.lanes.tolist(), window.scenes, strict=True):
-                self._place[lane] = next(later) if scene is None else before.get(lane, 0)
-        return new
-
-
-_COLUMNS = ("sound", "states", "actions", "seconds", "outcomes")
 
 
 def _shard(episode: int, place: Int[np.ndarray, " lane"], recorded: Recorded) -> Shard:

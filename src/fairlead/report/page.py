@@ -63,7 +63,7 @@ def _headline(sources: Sources) -> tuple[str, str]:
     ours = trials.reference
     tried = counted(methods[ours]["trials"], "trial") + (f" ({trials.name})" if len(sources.trials) > 1 else "")
     text = f"{ours} reaches the goal in {tables.rate(methods[ours]['success'])} of {tried}"
-    if "accept-all" in methods and ours != "accept-all":
+    if "accept-all" in tables.whole(trials.summary) and ours != "accept-all":
         text += f"; the same planner without trust (accept-all) in {tables.rate(methods['accept-all']['success'])}"
     return f"Rope {scenario}: {TITLE}", text + "."
 

@@ -78,7 +78,7 @@ def bars(summary: dict[str, Any]) -> list[dict[str, Any]]:
     """One bar of success a method."""
     return [
         {
-            "name": name,
+            "name": tables.named(summary, name),
             "budget": entry["budget"],
             "colour": method_style(name)[0],
             "first": entry["first_plan_success"],
@@ -126,10 +126,11 @@ def trial_section(trials: TrialSet, save: Figures, clips: list[Clip], cameras: C
     other += "" if trials.scenes else " The scenes themselves are not here, so there are no pictures of them."
     timed = math.isfinite(budget.seconds)
     clock = "" if timed else " A counted budget does not look at the clock: times are those of execution alone."
+    unfinished = "" if len(tables.whole(summary)) == len(summary["methods"]) else ", those with fewer trials on a part"
     section = Section(
         title=title_of(trials),
         lead=f"{counted(scenes, 'scene')} of {config['scenes']}.json, {counted(seeds, 'seed')}; every method on the "
-        f"same scenes, starts, goals and seeds. Budget {budget} a trial, protocol “{config['protocol']}”, "
+        f"same scenes, starts, goals and seeds{unfinished}. Budget {budget} a trial, protocol “{config['protocol']}”, "
         f"{config['planner']} planner.{other}{clock}",
         bars=bars(summary),
         tables=[tables.success_table(summary, str(budget)), tables.error_table(summary, config["scenario"])],

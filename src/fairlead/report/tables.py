@@ -63,15 +63,16 @@ def _metres(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f}"
 
 
-def _whole(summary: Summary) -> int:
-    """How many trials a method has that was tried everywhere."""
-    return max(entry["trials"] for entry in summary["methods"].values())
+def whole(summary: Summary) -> dict[str, Summary]:
+    """The methods that were tried on the whole set, with their numbers."""
+    most = max(entry["trials"] for entry in summary["methods"].values())
+    return {name: entry for name, entry in summary["methods"].items() if entry["trials"] == most}
 
 
-def _name(summary: Summary, name: str) -> str:
+def named(summary: Summary, name: str) -> str:
     """A method's name, and how many trials it has where others of the set have more."""
-    trials, whole = summary["methods"][name]["trials"], _whole(summary)
-    return name if trials == whole else f"{name} (only {trials} of {whole} trials)"
+    tried, trials = whole(summary), summary["methods"][name]["trials"]
+    return name if name in tried else f"{name} (only {trials} of {next(iter(tried.values()))['trials']} trials)"
 
 
 def overview_table(summaries: Mapping[str, Summary]) -> Table:
@@ -79,19 +80,14 @@ def overview_table(summaries: Mapping[str, Summary]) -> Table:
     names = list(dict.fromkeys(name for summary in summaries.values() for name in summary["order"]))
     rows = []
     for title, summary in summaries.items():
-        found, reference = summary["methods"], summary.get("reference", summary["order"][0])
-        whole = _whole(summary)
-        cells = [_outcome(found[name]["success"]["value"], found[name]["error_m"]["mean"])
-                 if name in found and found[name]["trials"] == whole else "-" for name in names]  # fmt: skip
-        recovered = str(found[reference]["recovery_actions"])
-        rows.append((title, str(found[reference]["trials"]), *cells, f"{recovered} ({reference})"))
+        found, reference = whole(summary), summary.get("reference", summary["order"][0])
+        cells = [_outcome(found[name]["success"]["value"], found[name]["error_m"]["mean"]) if name in found else "-"
+                 for name in names]  # fmt: skip
+        recovered, most = summary["methods"][reference]["recovery_actions"], next(iter(found.values()))["trials"]
+        rows.append((title, str(most), *cells, f"{recovered} ({reference})"))
     means = []
     for name in names:
-        entries = [
-            summary["methods"][name]
-            for summary in summaries.values()
-            if name in summary["methods"] and summary["methods"][name]["trials"] == _whole(summary)
-        ]
+        entries = [found[name] for found in map(whole, summaries.values()) if name in found]
         both = (sum(values) / len(entries) for values in zip(
             *((entry["success"]["value"], entry["error_m"]["mean"]) for entry in entries), strict=True))  # fmt: skip
         alike = len(entries) == len(summaries) and len({entry["budget"] for entry in entries}) == 1
@@ -133,7 +129,7 @@ def error_table(summary: Summary, scenario: str) -> Table:
     rows: list[tuple[str, ...]] = []
     for name, entry in summary["methods"].items():
         values = [entry["error_m"][key] for key in ("min", "max", "mean", "median", "sd")]
-        rows.append((_name(summary, name), percent(entry["success"]["value"]), *map(_metres, values)))
+        rows.append((named(summary, name), percent(entry["success"]["value"]), *map(_metres, values)))
     ours = len(rows)
     rows += [
         (f"paper: {paper.name}", percent(paper.success), *map(_metres, paper.error_m))
@@ -185,7 +181,7 @@ def effort_table(summary: Summary) -> Table:
     )
     rows = [
         (
-            _name(summary, name),
+            named(summary, name),
             f"{entry['mean_plans']:.1f}",
             f"{entry['mean_actions']:.1f}",
             f"{entry['mean_extensions']:,.0f}",
@@ -207,7 +203,7 @@ def actions_table(summary: Summary) -> Table:
     for name, counts in ends.items():
         total = sum(counts.values())
         shares = [f"{100 * counts.get(end.label, 0) / total:.1f} %" if total else "-" for end in seen]
-        rows.append((_name(summary, name), f"{total:,}", *shares))
+        rows.append((named(summary, name), f"{total:,}", *shares))
     columns = ("method", "actions", *(end.label.replace("_", " ") for end in seen))
     return Table("How actions ended", columns, tuple(rows), " ".join(end.sentence for end in seen))
 

@@ -7,6 +7,7 @@ battery, beside a raised hood and under a gantry. Each variation shifts and turn
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -203,7 +204,7 @@ def _away(world: DualArm, obstacles: tuple[Obstacle, ...], rng: np.random.Genera
 
 VIEW = ((2.3, -0.75, 1.95), (0.68, 0.06, 0.93))
 MOVE_HOSE = TaskSpec("move_hose", DualArm, _bay, carried, carried, _beside, COLOURS, VIEW)
-INSTALL_HOSE = TaskSpec("install_hose", DualArm, lambda rng: _bay(rng, fittings=FITTINGS), carried, carried, _ends,
+INSTALL_HOSE = TaskSpec("install_hose", DualArm, partial(_bay, fittings=FITTINGS), carried, carried, _ends,
                         COLOURS, VIEW)  # fmt: skip
-REMOVE_STRAPS = TaskSpec("remove_straps", DualArm, lambda rng: _bay(rng, eyelets=EYELETS), _looped_start, _either,
+REMOVE_STRAPS = TaskSpec("remove_straps", DualArm, partial(_bay, eyelets=EYELETS), _looped_start, _either,
                          _away, COLOURS, VIEW)  # fmt: skip
