@@ -74,7 +74,7 @@ def outcomes(summary: Mapping[str, Any]) -> Figure:
     methods = list(summary["methods"])
     found = [key for key in OUTCOMES if any(summary["methods"][name]["outcomes"].get(key) for name in methods)]
     with figure(5.6, 1.0 + 0.32 * len(methods)) as (canvas, (axes,)):
-        left = np.zeros(len(methods))
+        left, labels = np.zeros(len(methods)), [named(summary, name) for name in methods]
         for key in found:
             entries = [summary["methods"][name] for name in methods]
             share = np.array([100 * entry["outcomes"].get(key, 0) / entry["trials"] for entry in entries])
