@@ -78,14 +78,7 @@ def outcomes(summary: Mapping[str, Any]) -> Figure:
         for key in found:
             entries = [summary["methods"][name] for name in methods]
             share = np.array([100 * entry["outcomes"].get(key, 0) / entry["trials"] for entry in entries])
-            axes.barh(
-                [named(summary, name) for name in methods],
-                share,
-                left=left,
-                color=OUTCOMES[key],
-                height=0.62,
-                label=key,
-            )
+            axes.barh(labels, share, left=left, color=OUTCOMES[key], height=0.62, label=key)
             for row in np.flatnonzero(share >= 7):
                 text = {"x": left[row] + share[row] / 2, "y": row, "s": f"{share[row]:.0f}"}
                 axes.text(**text, ha="center", va="center", fontsize=8.5, color="white")
