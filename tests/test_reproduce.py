@@ -109,7 +109,7 @@ def test_each_set_is_a_folder_and_only_stuck_methods_without_recovery_meet_the_p
     assert {tried[name].methods for name in papers} == {("trust",)}
     assert {name for name, config in tried.items() if config.protocol is Protocol.PAPER} == papers
     assert (tried["hard"].limit, tried["authors"].limit) == (None, 3)
-    assert [name for name, config in tried.items() if config.traced] == ["hard"]
+    assert [name for name, config in tried.items() if config.traced] == ["hard", "authors"]
     assert (str(tried["hard-counted"].budget), tried["hard-counted"].seeds) == ("extensions=7", (4,))
 
 
