@@ -20,7 +20,7 @@ from fairlead.core.streams import stream
 from fairlead.geometry.shapes import Box
 from fairlead.scenarios.arms import CLEARANCE, PARTS, TOLERANCE, Arms
 from fairlead.scenarios.dual_arm import DualArm
-from fairlead.scenarios.iiwa import SHOULDER, SITES, TILT, add_arm, dual_iiwa, mirrored
+from fairlead.scenarios.iiwa import SITES, dual_iiwa, dual_spec
 
 ACTIONS, ROWS, REPEATS = 64, (1, 64, 512), 5
 POSITION_COST, TILT_COST, POSTURE_COST = 1000.0, 1.4, 1.0
@@ -66,10 +66,7 @@ class Mink:
     """Both arms follow their lines waypoint by waypoint, one of mink's steps each, as ours do."""
 
     def __init__(self, mink: Any, arms: Arms, boxes: list[Box], limited: bool) -> None:
-        spec = mujoco.MjSpec()
-        spec.compiler.degree = False
-        for side, sign, turn in (("left", 1, TILT), ("right", -1, mirrored(TILT))):
-            add_arm(spec, side, (SHOULDER[0], sign * SHOULDER[1], SHOULDER[2]), turn)
+        spec = dual_spec()
         for i, box in enumerate(boxes):
             x, y, z, w = box.quaternion_xyzw
             spec.worldbody.add_geom(name=f"box{i}", type=mujoco.mjtGeom.mjGEOM_BOX, pos=box.position,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import pickle
 import signal
 import threading
 from collections.abc import Callable, Generator
@@ -12,6 +11,8 @@ from contextlib import suppress
 from enum import Enum
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from multiprocessing.reduction import ForkingPickler
+from pickle import PicklingError
 from typing import Any, final
 
 from fairlead.core.errors import FairleadError
@@ -29,10 +30,10 @@ class Ended(Enum):
 
 
 def travels(given: Any) -> bool:
-    """Whether another process can be given this."""
+    """Whether another process can be given this: asked of what writes to pipes between processes, and to no file."""
     try:
-        pickle.dumps(given)
-    except (pickle.PicklingError, AttributeError, TypeError):
+        ForkingPickler.dumps(given)
+    except (PicklingError, AttributeError, TypeError):
         return False
     return True
 
@@ -71,14 +72,15 @@ class Workers:
 
     def begin(self, worker: int, job: Any) -> None:
         """Give a job to the worker of this number, 0 to `count` - 1, which has nothing to do."""
-        messages = [job] if worker in self._pipes else [self._setup, job]
         if worker not in self._pipes:
             self._start(worker)
-        pipe = self._pipes[worker]
+            self._send(worker, self._setup)
+        self._send(worker, job)
+        self._busy[self._pipes[worker]] = worker
+
+    def _send(self, worker: int, message: Any) -> None:
         with suppress(OSError):  # a worker that died in between is found when it is waited for
-            for message in messages:
-                pipe.send(message)
-        self._busy[pipe] = worker
+            self._pipes[worker].send(message)
 
     def _start(self, worker: int) -> None:
         context = multiprocessing.get_context("spawn")

@@ -63,16 +63,21 @@ def _metres(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f}"
 
 
+def _most(summary: Summary) -> int:
+    """How many trials a method has that was tried on the whole set."""
+    return max(entry["trials"] for entry in summary["methods"].values())
+
+
 def whole(summary: Summary) -> dict[str, Summary]:
     """The methods that were tried on the whole set, with their numbers."""
-    most = max(entry["trials"] for entry in summary["methods"].values())
+    most = _most(summary)
     return {name: entry for name, entry in summary["methods"].items() if entry["trials"] == most}
 
 
 def named(summary: Summary, name: str) -> str:
     """A method's name, and how many trials it has where others of the set have more."""
-    tried, trials = whole(summary), summary["methods"][name]["trials"]
-    return name if name in tried else f"{name} (only {trials} of {next(iter(tried.values()))['trials']} trials)"
+    trials, most = summary["methods"][name]["trials"], _most(summary)
+    return name if trials == most else f"{name} (only {trials} of {most} trials)"
 
 
 def overview_table(summaries: Mapping[str, Summary]) -> Table:
@@ -83,8 +88,8 @@ def overview_table(summaries: Mapping[str, Summary]) -> Table:
         found, reference = whole(summary), summary.get("reference", summary["order"][0])
         cells = [_outcome(found[name]["success"]["value"], found[name]["error_m"]["mean"]) if name in found else "-"
                  for name in names]  # fmt: skip
-        recovered, most = summary["methods"][reference]["recovery_actions"], next(iter(found.values()))["trials"]
-        rows.append((title, str(most), *cells, f"{recovered} ({reference})"))
+        recovered = summary["methods"][reference]["recovery_actions"]
+        rows.append((title, str(_most(summary)), *cells, f"{recovered} ({reference})"))
     means = []
     for name in names:
         entries = [found[name] for found in map(whole, summaries.values()) if name in found]

@@ -44,7 +44,7 @@ def add_torso(spec: mujoco.MjSpec) -> None:
     """What carries the arms and never moves, for pictures: a column, and from it the base of each arm."""
     x, y, z = SHOULDER
     _part(spec.worldbody, (x, 0, 0.1), (x, 0, z), 0.1, DARK)
-    for side, quaternion in ((1, TILT), (-1, mirrored(TILT))):
+    for side, quaternion in ((1, TILT), (-1, _mirrored(TILT))):
         _part(spec.worldbody, (x, 0, z), (x, side * y, z), 0.07, DARK)
         base = spec.worldbody.add_body(pos=(x, side * y, z), quat=quaternion)
         _part(base, (0, 0, 0), (0, 0, BASE), 0.075, GREY)
@@ -60,7 +60,7 @@ def _capsule(body: mujoco.MjsBody, start: float, end: float, radius: float) -> N
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[0, 0, start, 0, 0, end], size=[radius, 0, 0], rgba=GREY)
 
 
-def mirrored(quaternion: Sequence[float]) -> Sequence[float]:
+def _mirrored(quaternion: Sequence[float]) -> Sequence[float]:
     """An orientation (w, x, y, z) in the mirror y -> -y."""
     w, x, y, z = quaternion
     return (w, -x, y, -z)
@@ -90,14 +90,19 @@ def add_arm(spec: mujoco.MjSpec, name: str, position: Sequence[float], quaternio
     hand.add_site(name=f"{name}_grip", pos=[0, 0, tip])
 
 
-def dual_iiwa() -> Arms:
-    """Both arms on their torso; their home is a posture above the table."""
+def dual_spec() -> mujoco.MjSpec:
+    """The model of both arms on their torso; its home is a posture above the table."""
     spec = mujoco.MjSpec()
     spec.modelname = "dual_iiwa"
     spec.compiler.degree = False
     x, y, z = SHOULDER
     add_torso(spec)
     add_arm(spec, "left", (x, y, z), TILT)
-    add_arm(spec, "right", (x, -y, z), mirrored(TILT))
+    add_arm(spec, "right", (x, -y, z), _mirrored(TILT))
     spec.add_key(name="home", qpos=[*HOME, *(MIRROR * HOME)])
-    return Arms(spec.compile(), SITES, SPEED_LIMITS)
+    return spec
+
+
+def dual_iiwa() -> Arms:
+    """Both arms."""
+    return Arms(dual_spec().compile(), SITES, SPEED_LIMITS)
