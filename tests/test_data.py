@@ -126,7 +126,7 @@ def test_a_displacement_repeats_four_times_of_five_but_never_after_a_block(tmp_p
     inside = (np.abs(shard.actions) < 0.899).all(axis=-1)  # a target at the edge was clipped, and its displacement
     comparable = inside[:, 1:] & inside[:, :-1]
     same = np.abs(np.diff(wanted, axis=1)).max(axis=-1) < 1e-5
-    blocked = shard.outcomes[:, :-1] == tuple(ActionOutcome).index(ActionOutcome.TIMEOUT)
+    blocked = shard.outcomes[:, :-1] == ActionOutcome.TIMEOUT.number
     assert blocked.sum() > 10
     assert not same[blocked].any()
     assert 0.75 < same[comparable & ~blocked].mean() < 0.85

@@ -154,7 +154,7 @@ def test_a_limit_takes_a_seeded_sample_of_the_same_examples() -> None:
 def test_what_the_arms_cut_short_may_be_left_out_and_nothing_else(rule: str) -> None:
     rng = np.random.default_rng(2)
     data = trajectories(6, 6, 2, rng)
-    cut = tuple(ActionOutcome).index(ActionOutcome.JOINT_LIMIT)
+    cut = ActionOutcome.JOINT_LIMIT.number
     data.outcomes[:] = rng.choice([0, cut], data.outcomes.shape)
     whole, known = (label(FollowDynamics(0.0), data, DELTA, rule, leave_out=o) for o in ((), CUT_BY_ARMS))
     kept = data.outcomes[whole.source[:, 0], whole.source[:, 2]] != cut

@@ -14,7 +14,7 @@ from safetensors.torch import load_file
 
 from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
 from fairlead.core.layout import StateLayout
-from fairlead.core.records import Trajectories
+from fairlead.core.records import ActionOutcome, Trajectories
 from fairlead.geometry.distance import model_error
 from fairlead.geometry.fields import BoxEnvironment
 from fairlead.learning.dynamics import DynamicsConfig, Ensemble, LearnedDynamics, RolloutTask, train_dynamics
@@ -88,11 +88,22 @@ def test_members_see_the_same_data_in_different_order() -> None:
     np.testing.assert_allclose(actions[1, 3].numpy(), DATA.train.actions[first[0], first[1] : first[1] + 2], rtol=1e-6)
 
 
+def test_no_window_has_an_action_that_is_left_out() -> None:
+    data = replace(DATA.train, outcomes=DATA.train.outcomes.copy())
+    data.outcomes[0, 3] = data.outcomes[5, 0] = ActionOutcome.ARM_COLLISION.number
+    every, left = (
+        {tuple(window) for batch in Windows(data, leave_out=leave_out).order(2, 32, 1, np.random.default_rng(0))
+         for window in batch[0]}
+        for leave_out in ((), (ActionOutcome.ARM_COLLISION,))
+    )  # fmt: skip
+    assert every - left == {(0, 2), (0, 3), (5, 0)}
+
+
 def weights_after(folder: Path, stop_at: int | None) -> dict[str, torch.Tensor]:
     """Weights after training in `folder`, where training stops with an interrupt at the score of epoch `stop_at`."""
     module = Ensemble(LAYOUT, SMALL, 0)
     dynamics = LearnedDynamics(module)
-    task = RolloutTask(module, lambda s, a, _: module(s, a), dynamics, DATA, SMALL.members, mirror=True)
+    task = RolloutTask(module, lambda s, a, *_: module(s, a), dynamics, DATA, SMALL.members, mirror=True)
     score, calls = task.score, 0
 
     def counted() -> float:
@@ -125,7 +136,7 @@ def test_robots_that_hold_nothing_are_learned(network: str, names: tuple[str, ..
     states = np.concatenate([np.zeros((4, 1, layout.state_size)), moves.reshape(4, 5, -1).cumsum(1)], axis=1)
     data = Trajectories(layout, states, states[:, 1:], np.zeros((4, 5), int), np.zeros(4, int), [FREE])
     module = Ensemble(layout, DynamicsConfig(network, hidden=16, members=2), 0)
-    task = RolloutTask(module, lambda s, a, _: module(s, a), LearnedDynamics(module), Splits(data, data, data), 2)
+    task = RolloutTask(module, lambda s, a, *_: module(s, a), LearnedDynamics(module), Splits(data, data, data), 2)
     stage = Stage(1, 8, horizon=2)
     loss = task.loss(stage, task.order(stage, rng)[0], rng)
     loss.backward()
@@ -137,7 +148,7 @@ def test_robots_that_hold_nothing_are_learned(network: str, names: tuple[str, ..
 def test_a_checkpoint_of_another_configuration_is_refused(tmp_path: Path) -> None:
     job = Job(tmp_path, "toy")
     module = Ensemble(LAYOUT, SMALL, 0)
-    task = RolloutTask(module, lambda s, a, _: module(s, a), LearnedDynamics(module), DATA, SMALL.members)
+    task = RolloutTask(module, lambda s, a, *_: module(s, a), LearnedDynamics(module), DATA, SMALL.members)
     fit(task, (Stage(1, 64),), 0, tmp_path, key=job.key("dynamics", SMALL))
     with pytest.raises(ArtifactError, match="another configuration"):
         train_dynamics(DATA, replace(SMALL, hidden=16), job)

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from fairlead.core.contracts import check_dynamics
 from fairlead.geometry.distance import model_error
+from fairlead.geometry.fields import BoxEnvironment
+from fairlead.geometry.shapes import Box
 from fairlead.learning import full_dynamics
 from fairlead.learning.fit import Stage
 from fairlead.learning.full_dynamics import FullDynamicsConfig, LearnedFullDynamics, train_full_dynamics
 from fairlead.learning.model_files import Job
 from fairlead.learning.registry import load_full_dynamics
 from fairlead.learning.rollout import roll_out_all
-from fairlead.learning.voxels import VoxelGrid
+from fairlead.learning.trust_voxel import transformed
+from fairlead.learning.voxels import Occupancy, VoxelGrid
 from rope_data import LAYOUT, splits
 
 DATA = splits(64, 6, 4)
@@ -42,6 +48,30 @@ def test_full_dynamics_learn_see_obstacles_save_and_load(tmp_path: Path) -> None
     go = in_the_middle[:, :3] + [0.1, 0, 0]
     assert (dynamics.predict(free, in_the_middle, go).mean != dynamics.predict(crowded, in_the_middle, go).mean).any()
     assert there.mean.shape == states.shape
+
+
+@pytest.mark.parametrize("symmetry", list(itertools.product([0, 1], repeat=3)))
+def test_what_is_seen_in_a_symmetry_moves_as_in_the_moved_world(symmetry: tuple[int, int, int]) -> None:
+    code, rng = np.array(symmetry), np.random.default_rng(0)
+    config = replace(CONFIG, grid=VoxelGrid((23, 23, 1), 0.04))
+    bounds = np.array([[-1.02, -1.02, 0.0], [1.02, 1.02, 0.04]])  # a cell's centre at the origin
+    box = Box((0.2, 0.28, 0.2), (0.2, -0.12, 0.1))
+
+    def moved(points: np.ndarray) -> np.ndarray:
+        return transformed(torch.tensor(points).unflatten(-1, (-1, 3)), code).flatten(-2).numpy()
+
+    turned = Box((0.28, 0.2, 0.2) if symmetry[2] else box.size, tuple(moved(np.array(box.position))))
+    here, there = (Occupancy.of([BoxEnvironment([b], bounds)], 0.04) for b in (box, turned))
+    states = np.tile(rng.uniform(-0.2, 0.2, (4, 3)), LAYOUT.state_size // 3) + rng.uniform(
+        -0.1, 0.1, (4, LAYOUT.state_size)
+    )
+    actions = states[:, :3] + rng.uniform(-0.1, 0.1, (4, 3))
+    module, scene = full_dynamics._build(LAYOUT, config, 0), np.zeros(4, int)
+    s, a, moved_s, moved_a = (torch.tensor(x).float() for x in (states, actions, moved(states), moved(actions)))
+    with torch.inference_mode():
+        found = module(here, scene, s, a, code).numpy()
+        expected = module(there, scene, moved_s, moved_a).numpy()
+    np.testing.assert_allclose(moved(found), expected, atol=1e-5)
 
 
 def test_rows_are_predicted_each_in_its_own_environment(monkeypatch: pytest.MonkeyPatch) -> None:

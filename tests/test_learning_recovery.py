@@ -114,7 +114,7 @@ def test_every_label_is_counted_once(share: list[float]) -> None:
 def test_a_discounted_label_is_the_best_of_what_comes_later_unless_the_action_was_cut_short(discount: float) -> None:
     data = trajectories(20, 8, 4, np.random.default_rng(0))
     cut = np.random.default_rng(2).random(data.outcomes.shape) < 0.3
-    data.outcomes[cut] = tuple(ActionOutcome).index(ActionOutcome.STRETCH)
+    data.outcomes[cut] = ActionOutcome.STRETCH.number
     found = recovery_examples(DYNAMICS, SideCheck(0.1), SAMPLER, data, 8, 10**6, discount, np.random.default_rng(1))
     free = data.states[:, :, 0] > 0.1
     for label, (n, t) in zip(found.share, found.source, strict=True):
@@ -164,7 +164,7 @@ def test_carried_along_each_end_goes_with_its_gripper() -> None:
 
 def test_what_is_left_out_teaches_nothing() -> None:
     data = trajectories(20, 8, 4, np.random.default_rng(0))
-    stopped = tuple(ActionOutcome).index(ActionOutcome.JOINT_LIMIT)
+    stopped = ActionOutcome.JOINT_LIMIT.number
     data.outcomes[::2] = stopped
     some = recovery_examples(DYNAMICS, SideCheck(0.1), SAMPLER, data, 8, 10**6, 0.0, np.random.default_rng(1),
                              {ActionOutcome.JOINT_LIMIT})  # fmt: skip

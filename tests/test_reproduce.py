@@ -96,7 +96,8 @@ def test_each_set_is_a_folder_and_only_stuck_methods_without_recovery_meet_the_p
 
     monkeypatch.setattr(trials, "try_all", try_all)
     wanted = replace(SMOKE, methods=tuple(stuck), sets={"hard": None, "authors": 3}, seeds=(4, 5), both_protocols=True,
-                     counted=Budget(extensions=7), planner="rrt", improved=("accept-all", "trust"))  # fmt: skip
+                     counted=Budget(extensions=7), planner="rrt", improved=("accept-all", "trust"),
+                     improved_seeds=(6, 7))  # fmt: skip
     scenes = benchmark_scenes("dragging")
     trials.try_sets(DRAGGING, wanted, tmp_path, {"hard": scenes, "authors": scenes}, tmp_path, 1, _no_bar)
     papers = {"hard-protocol-paper", "authors-protocol-paper"}
@@ -104,7 +105,7 @@ def test_each_set_is_a_folder_and_only_stuck_methods_without_recovery_meet_the_p
     assert set(tried) == {"hard", "hard-counted", "authors", *papers, *best}
     assert {name for name, config in tried.items() if config.planner == RELAXED} == best
     assert {(tried[n].methods, tried[n].seeds, tried[n].reference) for n in best} == {
-        (("accept-all", "trust"), (0, 1, 2), "accept-all")
+        (("accept-all", "trust"), (6, 7), "accept-all")
     }
     assert {tried[name].methods for name in papers} == {("trust",)}
     assert {name for name, config in tried.items() if config.protocol is Protocol.PAPER} == papers
@@ -194,7 +195,7 @@ def test_data_of_another_stage_are_refused_by_name(line: Path, tmp_path: Path) -
 def test_names_of_presets() -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'desk'"):
         preset(DRAGGING, "dekc")
-    assert set(PRESETS["dragging"]) == {"smoke", "desk", "paper"}
+    assert set(PRESETS["dragging"]) == {"smoke", "desk", "paper", "evidence"}
 
 
 @pytest.mark.parametrize("name", ["dragging", "dual_arm"])
@@ -203,6 +204,16 @@ def test_the_paper_preset_has_the_papers_data(name: str) -> None:
     sizes = preset(world, "paper")
     (first, _), (second, _) = world.paper_data
     assert (sizes.phase1, sizes.phase2, sizes.steps2, sizes.dynamics.members) == (first, second, 0, 8)
+
+
+@pytest.mark.parametrize("name", ["dragging", "dual_arm"])
+def test_evidence_goes_on_where_the_paper_preset_ended(name: str) -> None:
+    """Same data, same models, and each trial of the paper's preset is one of its own."""
+    paper, evidence = preset(scenario(name), "paper"), preset(scenario(name), "evidence")
+    more = ("sets", "improved_seeds", "both_protocols", "counted", "sensitivity")
+    assert replace(evidence, **{field: getattr(paper, field) for field in more}) == paper
+    assert set(paper.improved_seeds) < set(evidence.improved_seeds)
+    assert evidence.sets == dict.fromkeys(paper.sets)
 
 
 @pytest.mark.parametrize("size", ["desk", "paper"])

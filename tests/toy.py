@@ -93,13 +93,13 @@ class ToyWorld(World):
 
     def execute(self, actions: np.ndarray) -> Executed:
         self.executed += 1
-        outcomes = np.full(len(actions), tuple(ActionOutcome).index(ActionOutcome.TARGET))
+        outcomes = np.full(len(actions), ActionOutcome.TARGET.number)
         if self.diverge_after is not None and self.executed > self.diverge_after:
-            outcomes[:] = tuple(ActionOutcome).index(ActionOutcome.DIVERGED)
+            outcomes[:] = ActionOutcome.DIVERGED.number
             return Executed(self.observe(), np.full(len(actions), 1.0), outcomes)
         after = follow(self.states, actions.reshape(-1, 1, 3))
         blocked = (self.environment.signed_distance(LAYOUT.points_of(after)) < RADIUS / 2).any(axis=1)
-        outcomes[blocked] = tuple(ActionOutcome).index(ActionOutcome.TIMEOUT)
+        outcomes[blocked] = ActionOutcome.TIMEOUT.number
         self.states = np.where(blocked[:, None], self.states, after)
         return Executed(self.observe(), np.full(len(actions), 1.0), outcomes)
 

@@ -1,4 +1,4 @@
-"""`fairlead reproduce SCENARIO|real_tasks --preset smoke|desk|paper --out DIR`."""
+"""`fairlead reproduce SCENARIO|real_tasks --preset smoke|desk|paper|evidence --out DIR`."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ class Command:
     """Folder of data, models, trials and report."""
     preset: str = "desk"
     """smoke (a minute), desk (on two cores 15 to 30 minutes, dual_arm 30 to 60; real_tasks, whose trials are many,
-    about an hour), paper (the paper's data sizes; hours)."""
+    about an hour), paper (the paper's data sizes, every method; two hours, dual_arm six), evidence (as paper, tried in
+    every way, and on where paper ended; a day)."""
     sensitivity: bool = False
-    """Train and try trust at other thresholds too (Fig. S2), as paper does; not of real_tasks."""
+    """Train and try trust at other thresholds too (Fig. S2), as evidence does; not of real_tasks."""
     seed: int = 0
     """Of data and training; the trials' seeds are the preset's."""
     threads: int = os.cpu_count() or 1

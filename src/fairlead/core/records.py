@@ -20,11 +20,12 @@ Member = TypeVar("Member", bound="Explained")
 
 
 class Explained(Enum):
-    """An enumeration whose members carry a sentence for people."""
+    """An enumeration whose members carry a sentence for people, and their number in its order for arrays."""
 
     def __init__(self, label: str, sentence: str) -> None:
         self.label = label
         self.sentence = sentence
+        self.number = len(type(self).__members__)
 
     @classmethod
     def of(cls: type[Member], label: str) -> Member:
@@ -92,7 +93,7 @@ class Transitions:
 class Executed:
     """What a world did with a batch of actions: the settled next states, how long it took, how each ended.
 
-    outcomes holds indices into `tuple(ActionOutcome)`. A diverged row keeps the state before its action.
+    outcomes holds numbers of `ActionOutcome`. A diverged row keeps the state before its action.
     """
 
     states: Float[np.ndarray, "batch state"]
@@ -102,7 +103,7 @@ class Executed:
     @property
     def diverged(self) -> Bool[np.ndarray, " batch"]:
         """Rows whose simulation diverged."""
-        return self.outcomes == tuple(ActionOutcome).index(ActionOutcome.DIVERGED)
+        return self.outcomes == ActionOutcome.DIVERGED.number
 
 
 @dataclass(frozen=True)
@@ -145,7 +146,7 @@ class Trajectories:
     """Recorded trajectories of equal length T, each in one of `environments`: what learning reads.
 
     states[n, t] is s^t of trajectory n, actions[n, t] leads from s^t to s^{t+1}, outcomes[n, t] says how it ended
-    (an index into `tuple(ActionOutcome)`); scene[n] indexes `environments`.
+    (a number of `ActionOutcome`); scene[n] indexes `environments`.
     """
 
     layout: StateLayout

@@ -13,7 +13,7 @@ from fairlead.core.records import ActionOutcome
 from fairlead.geometry.motion import RandomDisplacement
 from fairlead.scenarios.simulate import SimulatedWorld
 
-_REACHED, _DIVERGED = map(tuple(ActionOutcome).index, (ActionOutcome.TARGET, ActionOutcome.DIVERGED))
+_REACHED, _DIVERGED = ActionOutcome.TARGET.number, ActionOutcome.DIVERGED.number
 TOGETHER = 8
 """Lanes at rest go on once one of so many is: to begin several actions costs hardly more than to begin one."""
 

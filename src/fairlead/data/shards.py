@@ -58,8 +58,8 @@ def schema(layout: StateLayout) -> pa.Schema:
 class Shard:
     """Trajectory number `index` of each lane in `lane` (those that diverged are left out).
 
-    states and actions [m] as recorded (float32); seconds: simulated time of each action; outcomes: indices into
-    `tuple(ActionOutcome)`; scene: index into the dataset's scenes; episode: unique in the dataset; split: of SPLITS.
+    states and actions [m] as recorded (float32); seconds: simulated time of each action; outcomes: numbers of
+    `ActionOutcome`; scene: index into the dataset's scenes; episode: unique in the dataset; split: of SPLITS.
     """
 
     episode: Int[np.ndarray, " lane"]

@@ -6,7 +6,7 @@ Paper, "Learning the unconstrained dynamics" and "Incorporating uncertainty in t
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import final
 
@@ -17,7 +17,7 @@ from torch import Tensor, nn
 
 from fairlead.core.errors import FairleadError, UnknownNameError
 from fairlead.core.layout import StateLayout
-from fairlead.core.records import Prediction
+from fairlead.core.records import ActionOutcome, Prediction
 from fairlead.core.roles import Dynamics, Environment
 from fairlead.core.streams import stream_seed
 from fairlead.learning.device import CPU, beside, device_of
@@ -143,21 +143,23 @@ class RolloutTask(Task):
     """Fits a step function to trajectories by the loss of Eq. 5, as a mean over all predicted steps.
 
     Each state component (grippers, object) weighs once, by its mean square error. The score is the validation error per
-    point [m] over ten-step rollouts.
+    point [m] over ten-step rollouts. `step` makes the next states of states, actions and scenes, with a stream for what
+    it draws; actions whose outcome is in `leave_out` are not learned from.
     """
 
     def __init__(
         self,
         module: nn.Module,
-        step: Callable[[Tensor, Tensor, Tensor], Tensor],
+        step: Callable[[Tensor, Tensor, Tensor, np.random.Generator], Tensor],
         dynamics: Dynamics,
         data: Splits,
         members: int = 1,
         mirror: bool = False,
+        leave_out: Collection[ActionOutcome] = (),
     ) -> None:
         self.module, self._step, self._dynamics = module, step, dynamics
         self._data, self._members, self._mirror = data, members, mirror
-        self._windows = Windows(data.train, device_of(module))
+        self._windows = Windows(data.train, device_of(module), leave_out)
 
     def order(self, stage: Stage, rng: np.random.Generator) -> Sequence[Int[np.ndarray, "member batch 2"]]:
         return self._windows.order(stage.horizon, stage.batch, self._members, rng)
@@ -170,7 +172,7 @@ class RolloutTask(Task):
         total = states.new_zeros(())
         current = states[:, :, 0]
         for step in range(actions.shape[2]):
-            current = self._step(current, actions[:, :, step], scene)
+            current = self._step(current, actions[:, :, step], scene, rng)
             error = ((current - states[:, :, step + 1]) / UNIT_M).square()
             for part in error.split(self._data.layout.parts, dim=-1):
                 total = total + part.mean()
@@ -192,7 +194,7 @@ def train_dynamics(data: Splits, config: DynamicsConfig, job: Job) -> LearnedDyn
     module = Ensemble(data.layout, config, job.seed).to(job.device)
     dynamics = LearnedDynamics(module)
     task = RolloutTask(
-        module, lambda states, actions, _: module(states, actions), dynamics, data, config.members, mirror=True
+        module, lambda states, actions, *_: module(states, actions), dynamics, data, config.members, mirror=True
     )
     key = job.key("dynamics", config)
     fit(task, config.stages, job.seed, job.folder, key=key, patience=config.patience, title="dynamics")

@@ -25,13 +25,15 @@ from fairlead.geometry.frames import local_origin
 from fairlead.learning.device import beside, device_of
 from fairlead.learning.dynamics import UNIT_M, RolloutTask
 from fairlead.learning.fit import Stage, fit
+from fairlead.learning.labels import CUT_BY_ARMS
 from fairlead.learning.model_files import Job, ModelFile, save_model
 from fairlead.learning.rollout import Splits, dynamics_metrics
 from fairlead.learning.trust_network import COARSE_GRID
-from fairlead.learning.trust_voxel import VoxelEncoder
+from fairlead.learning.trust_voxel import VoxelEncoder, inverse, transformed, transformed_grid
 from fairlead.learning.voxels import Occupancy, VoxelGrid
 
 CODE = 5
+UNMOVED = np.zeros(3, np.intp)
 _ROWS = 128
 
 
@@ -43,6 +45,7 @@ class FullDynamicsConfig:
         hidden: units of each layer after the product (the paper: 200).
         planar: motion in a horizontal plane: layers of cells are convolved each by itself.
         grid: the voxels.
+        augment: learn in the square's eight symmetries, as the classifier does.
         stages: as for the unconstrained dynamics.
         patience: epochs without improvement after which a stage ends.
     """
@@ -50,6 +53,7 @@ class FullDynamicsConfig:
     hidden: int = 200
     planar: bool = True
     grid: VoxelGrid = COARSE_GRID
+    augment: bool = True
     stages: tuple[Stage, ...] = (Stage(12, 64, 1e-3, 1), Stage(3, 32, 3e-4, 4))
     patience: int = 10
 
@@ -85,17 +89,23 @@ class FullNetwork(nn.Module):
         scene: Int[np.ndarray, " batch"],
         states: Float[Tensor, "batch state"],
         actions: Float[Tensor, "batch action"],
+        symmetry: Int[np.ndarray, " 3"] = UNMOVED,
     ) -> Float[Tensor, "batch state"]:
-        """The next states [m]."""
+        """The next states [m], as predicted where everything is seen in that symmetry (see `transformed`)."""
         current = states.detach().cpu().numpy()
-        code = self.code(self.encoder(self.grid.draw(self.layout, occupancy, scene, current)))
+        voxels = self.grid.draw(self.layout, occupancy, scene, current)
+        code = self.code(self.encoder(transformed_grid(voxels, symmetry)))
         origin = beside(self, local_origin(self.layout, current)).repeat(1, self.layout.state_size // 3)
         local = torch.cat([states - origin, actions - origin[:, : actions.shape[1]]], dim=1) / UNIT_M
-        product = self.vectors(local)[:, :, None] * code[:, None, :]
+        product = self.vectors(_moved(local, symmetry))[:, :, None] * code[:, None, :]
         change = UNIT_M * self.change(product.flatten(1))
         if self.planar:  # heights are left alone, as the unconstrained dynamics do
             change = change * change.new_tensor([1.0, 1.0, 0.0]).repeat(self.layout.state_size // 3)
-        return states + change
+        return states + _moved(change, inverse(symmetry))
+
+
+def _moved(vectors: Float[Tensor, "batch vector"], symmetry: Int[np.ndarray, " 3"]) -> Float[Tensor, "batch vector"]:
+    return transformed(vectors.unflatten(-1, (-1, 3)), symmetry).flatten(-2)
 
 
 @final
@@ -143,17 +153,22 @@ def _build(layout: StateLayout, config: FullDynamicsConfig, seed: int) -> FullNe
 
 
 def train_full_dynamics(data: Splits, config: FullDynamicsConfig, job: Job) -> LearnedFullDynamics:
-    """Train the baseline on data among obstacles (as much as both phases have together) and save it."""
+    """Train the baseline on data among obstacles (as much as both phases have together) and save it.
+
+    As for the classifier, what an arm cut short is not learned from: no network here sees the arms.
+    """
     started = time.monotonic()
     module = _build(data.layout, config, job.seed).to(job.device)
     occupancy = Occupancy.of(data.train.environments, config.grid.resolution, job.device)
+    square = config.grid.shape[0] == config.grid.shape[1]
 
-    def step(states: Tensor, actions: Tensor, scene: Tensor) -> Tensor:
-        return module(occupancy, scene[0].numpy(), states[0], actions[0])[None]
+    def step(states: Tensor, actions: Tensor, scene: Tensor, rng: np.random.Generator) -> Tensor:
+        symmetry = rng.integers(0, 2, 3) * (1, 1, square) if config.augment else UNMOVED
+        return module(occupancy, scene[0].numpy(), states[0], actions[0], symmetry)[None]
 
     dynamics = LearnedFullDynamics(module)
     key = job.key("full-dynamics", config)
-    task = RolloutTask(module, step, dynamics, data)
+    task = RolloutTask(module, step, dynamics, data, leave_out=CUT_BY_ARMS)
     fit(task, config.stages, job.seed, job.folder, key=key, patience=config.patience, title="full dynamics")
     metrics = dynamics_metrics(dynamics, data)
     seconds = time.monotonic() - started

@@ -103,7 +103,7 @@ def label(
         raise UnknownNameError("labelling rule", rule, RULES)
     if limit is not None and rng is None:
         raise FairleadError("a limit on examples needs a random stream to choose them with")
-    wanted = ~np.isin(data.outcomes, [i for i, outcome in enumerate(ActionOutcome) if outcome in leave_out])
+    wanted = ~np.isin(data.outcomes, [outcome.number for outcome in leave_out])
     order, found_by = np.argsort(data.scene, kind="stable"), _figure if rule == "figure" else _text
     parts = [
         found_by(dynamics, data, wanted, rows, delta) for rows in np.array_split(order, -(-len(order) // _TRAJECTORIES))

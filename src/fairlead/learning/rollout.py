@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from jaxtyping import Float, Float32, Int
+from numpy.lib.stride_tricks import sliding_window_view
 from torch import Tensor
 
 from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
-from fairlead.core.records import Trajectories
+from fairlead.core.records import ActionOutcome, Trajectories
 from fairlead.core.roles import Dynamics, Environment
 from fairlead.geometry.distance import model_error, point_error
 from fairlead.learning.device import CPU
@@ -90,9 +91,15 @@ def dynamics_metrics(dynamics: Dynamics, data: Splits) -> dict[str, object]:
 
 
 class Windows:
-    """Every run of `horizon` steps in a dataset, as tensors on a device, by (trajectory, first step)."""
+    """Every run of `horizon` steps in a dataset, as tensors on a device, by (trajectory, first step).
 
-    def __init__(self, data: Trajectories, device: torch.device = CPU) -> None:
+    Runs with an action whose outcome is in `leave_out` are left out.
+    """
+
+    def __init__(
+        self, data: Trajectories, device: torch.device = CPU, leave_out: Collection[ActionOutcome] = ()
+    ) -> None:
+        self._wanted = ~np.isin(data.outcomes, [outcome.number for outcome in leave_out])
         self.states = torch.from_numpy(np.ascontiguousarray(data.states, np.float32)).to(device)
         self.actions = torch.from_numpy(np.ascontiguousarray(data.actions, np.float32)).to(device)
         self.scene = torch.from_numpy(np.ascontiguousarray(data.scene, np.int64))
@@ -101,9 +108,8 @@ class Windows:
         self, horizon: int, batch: int, members: int, rng: np.random.Generator
     ) -> Sequence[Int[np.ndarray, "member batch 2"]]:
         """Minibatches of one pass over the windows; each member sees the same windows in an order of its own."""
-        trajectories, steps = self.actions.shape[:2]
-        starts = np.arange(max(1, steps - horizon + 1))
-        every = np.stack(np.meshgrid(np.arange(trajectories), starts, indexing="ij"), axis=-1).reshape(-1, 2)
+        runs = sliding_window_view(self._wanted, min(horizon, self._wanted.shape[1]), axis=1)
+        every = np.argwhere(runs.all(axis=-1))
         shuffled = np.stack([every[rng.permutation(len(every))] for _ in range(members)])
         return np.array_split(shuffled, max(1, len(every) // batch), axis=1)
 

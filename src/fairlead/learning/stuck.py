@@ -113,9 +113,9 @@ def recovery_examples(
     value, outcomes = share.copy(), data.outcomes[chosen]
     for t in range(steps - 1, 0, -1):
         value[:, t] = np.fmax(value[:, t], discount * value[:, t + 1])
-    undone = outcomes == tuple(ActionOutcome).index(ActionOutcome.STRETCH)
+    undone = outcomes == ActionOutcome.STRETCH.number
     label = np.where(undone, share[:, 1:], value[:, 1:])
-    left_out = np.isin(outcomes, [i for i, outcome in enumerate(ActionOutcome) if outcome in leave_out])
+    left_out = np.isin(outcomes, [outcome.number for outcome in leave_out])
     row, t = np.nonzero(is_stuck[:, :-1] & ~left_out)
     source = np.stack([chosen[row], t], axis=1)
     return RecoveryExamples(

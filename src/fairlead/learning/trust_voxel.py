@@ -207,6 +207,11 @@ def transformed(vectors: Float[Tensor, "*batch 3"], symmetry: Int[np.ndarray, " 
     return torch.stack([y, x, z] if symmetry[2] else [x, y, z], dim=-1)
 
 
+def inverse(symmetry: Int[np.ndarray, " 3"]) -> Int[np.ndarray, " 3"]:
+    """What undoes it: where x and y were exchanged last, their mirrors are exchanged, too."""
+    return symmetry[[1, 0, 2]] if symmetry[2] else symmetry
+
+
 def transformed_grid(
     voxels: Float[Tensor, "*batch nx ny nz"], symmetry: Int[np.ndarray, " 3"]
 ) -> Float[Tensor, "*batch nx ny nz"]:

@@ -1,12 +1,13 @@
 """How large the line is: `smoke` for tests, `desk` for half an hour, `paper` for the paper's data sizes.
 
-The voxel grids are coarser than the paper's, which take hours on a CPU (`fairlead train --grid paper`).
+`evidence` tries the models of `paper` in every way; in the same folder it goes on where `paper` ended. The voxel grids
+are coarser than the paper's, which take hours on a CPU (`fairlead train --grid paper`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from fairlead.core.budget import Budget
 from fairlead.core.errors import UnknownNameError
@@ -56,7 +57,8 @@ class Preset:
             For all others the two protocols are the same.
         counted: budget of further trials, on the first set with the first seed, that do not depend on the clock:
             several planning attempts.
-        improved: methods that are tried on each set with the best planner too, for 60 s, with three seeds.
+        improved: methods that are tried on each set with the best planner too, for 60 s.
+        improved_seeds: of these trials.
         sensitivity: trust at other deltas (Fig. S2); None for without.
         traced: traces are kept of the first so many scenes of each set, for the report's videos.
         videos: whether the report has them.
@@ -82,6 +84,7 @@ class Preset:
     both_protocols: bool = False
     counted: Budget | None = None
     improved: tuple[str, ...] = ()
+    improved_seeds: tuple[int, ...] = (0,)
     sensitivity: SensitivityConfig | None = None
     traced: int = 3
     videos: bool = True
@@ -90,7 +93,6 @@ class Preset:
 LEARNED = ("trust", "trust+recovery", "trust+random-recovery", "trust-sdf", "trust-sdf+recovery",
            "accept-all", "full-dynamics", "collision-check", "spread-threshold")  # fmt: skip
 _SOME: Mapping[str, int | None] = {"benchmark": 16, "hard": 16}
-_ALL: Mapping[str, int | None] = {"benchmark": None, "hard": None, "authors": None}
 
 _SMOKE = Preset(
     phase1=32, phase2=32, full=16, steps2=8,
@@ -126,8 +128,8 @@ _PAPER = Preset(
     trust_sdf=TrustConfig("sdf", delta_m=0.065, limit=400_000, stages=(Stage(6, 512),)),
     recovery=RecoveryConfig(limit=20_000),
     recovery_sdf=RecoveryConfig(limit=40_000, discount=0.8, stages=(Stage(16, 128),)),
-    methods=LEARNED, budget=Budget(seconds=180), planner="rrt", obstacles_every=2, sets=_ALL,
-    both_protocols=True, counted=Budget(extensions=60_000), sensitivity=SensitivityConfig(),
+    methods=LEARNED, budget=Budget(seconds=180), planner="rrt", obstacles_every=2,
+    sets={"benchmark": 50, "hard": 25, "authors": None},
     improved=("trust-sdf", "accept-all", "full-dynamics", "collision-check"),
 )  # fmt: skip
 
@@ -161,21 +163,33 @@ _DUAL_DESK = Preset(
 _DUAL_PAPER = Preset(
     phase1=2048, phase2=5996, full=7020,
     dynamics=DynamicsConfig(planar=False, stages=(Stage(80, 128, 2e-3), Stage(10, 128, 5e-4, 4))),
-    full_dynamics=FullDynamicsConfig(planar=False, grid=COARSE_GRID_3D, stages=(Stage(8, 64), Stage(1, 64, 3e-4, 4))),
-    trust=TrustConfig("voxel", planar=False, delta_m=0.025, hidden=128, grid=COARSE_GRID_3D, limit=150_000,
-                      stages=(Stage(6, 64),)),
+    full_dynamics=FullDynamicsConfig(planar=False, grid=COARSE_GRID_3D, stages=(Stage(4, 64), Stage(1, 64, 3e-4, 4))),
+    trust=TrustConfig("voxel", planar=False, delta_m=0.025, hidden=128, grid=COARSE_GRID_3D, limit=100_000,
+                      stages=(Stage(2, 64),)),
     trust_sdf=TrustConfig("sdf", planar=False, delta_m=0.025, limit=400_000, stages=(Stage(6, 512),)),
-    recovery=RecoveryConfig(limit=20_000),
+    recovery=RecoveryConfig(limit=5000),
     recovery_sdf=RecoveryConfig(limit=40_000, discount=0.8, stages=(Stage(16, 128),)),
-    methods=_DUAL_DESK.methods, budget=Budget(seconds=180), planner="rrt", lanes=256, obstacles_every=2, sets=_ALL,
-    both_protocols=True, counted=Budget(extensions=60_000), sensitivity=SensitivityConfig(),
+    methods=_DUAL_DESK.methods, budget=Budget(seconds=180), planner="rrt", lanes=256, obstacles_every=2,
+    sets={"benchmark": 20, "hard": 10, "authors": None},
     improved=("trust-sdf+recovery", "trust-sdf+planned-recovery", "trust-sdf+doubted-recovery",
               "trust-sdf+random-recovery", "accept-all", "accept-all+arms", "full-dynamics", "collision-check"),
 )  # fmt: skip
 
+
+def _in_every_way(sizes: Preset) -> Preset:
+    """The same data and models, and every trial that the paper's tables and figures and ours need."""
+    return replace(sizes, sets={"benchmark": None, "hard": None, "authors": None}, improved_seeds=(0, 1, 2),
+                   both_protocols=True, counted=Budget(extensions=60_000), sensitivity=SensitivityConfig())  # fmt: skip
+
+
 PRESETS: dict[str, dict[str, Preset]] = {
-    "dragging": {"smoke": _SMOKE, "desk": _DESK, "paper": _PAPER},
-    "dual_arm": {"smoke": _DUAL_SMOKE, "desk": _DUAL_DESK, "paper": _DUAL_PAPER},
+    "dragging": {"smoke": _SMOKE, "desk": _DESK, "paper": _PAPER, "evidence": _in_every_way(_PAPER)},
+    "dual_arm": {
+        "smoke": _DUAL_SMOKE,
+        "desk": _DUAL_DESK,
+        "paper": _DUAL_PAPER,
+        "evidence": _in_every_way(_DUAL_PAPER),
+    },
 }
 
 

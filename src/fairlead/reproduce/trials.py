@@ -16,7 +16,7 @@ from fairlead.execution.trial import Protocol
 from fairlead.reproduce.presets import Preset
 from fairlead.scenarios.scenario import Scenario
 
-IMPROVED_BUDGET, IMPROVED_SEEDS = Budget(seconds=60), (0, 1, 2)
+IMPROVED_BUDGET = Budget(seconds=60)
 Bar = Callable[[str, int, str], AbstractContextManager[Callable[[int], None]]]
 """Opens a progress bar with a title, a total and a unit; yields a function that advances it."""
 
@@ -52,5 +52,5 @@ def try_sets(
             try_all(counted, out / f"{name}-counted", workers, bar)
         if preset.improved:
             improved = replace(untraced, methods=preset.improved, planner=RELAXED, budget=IMPROVED_BUDGET,
-                               seeds=IMPROVED_SEEDS, reference=preset.improved[0])  # fmt: skip
+                               seeds=preset.improved_seeds, reference=preset.improved[0])  # fmt: skip
             try_all(improved, out / f"{name}-relaxed", workers, bar)

@@ -32,8 +32,7 @@ GRASP_STEPS = 12
 PARTS = 6
 """The arms look at so many places along the way to a target, in execution as in planning."""
 _TARGET, _LIMIT, _COLLISION = (
-    tuple(ActionOutcome).index(o)
-    for o in (ActionOutcome.TARGET, ActionOutcome.JOINT_LIMIT, ActionOutcome.ARM_COLLISION)
+    o.number for o in (ActionOutcome.TARGET, ActionOutcome.JOINT_LIMIT, ActionOutcome.ARM_COLLISION)
 )
 
 
@@ -42,7 +41,7 @@ class ArmPath:
     """Straight lines of all grippers towards their targets, in K equal parts.
 
     joints: at each waypoint [rad]. reached: the last waypoint the arms get to, 0 to K. seconds: the shortest time [s]
-    to there within the joints' speed limits. outcomes: index into `tuple(ActionOutcome)`: TARGET, JOINT_LIMIT (out of
+    to there within the joints' speed limits. outcomes: numbers of `ActionOutcome`: TARGET, JOINT_LIMIT (out of
     reach, too) or ARM_COLLISION.
     """
 

@@ -15,8 +15,6 @@ from fairlead.geometry.fields import BoxEnvironment
 from fairlead.scenarios.arms import Arms
 from fairlead.scenarios.scenario import Scenario
 
-_TARGET = tuple(ActionOutcome).index(ActionOutcome.TARGET)
-
 
 def within_reach(check: TransitionCheck, scenario: Scenario) -> TransitionCheck:
     """The check and what the scenario's arms can do; the check alone where there are no arms."""
@@ -109,4 +107,4 @@ def _stopped(
     grippers = layout.grippers_of(states)
     joints, _ = arms.grasp(grippers)
     path = arms.follow(joints, grippers, layout.grippers_of(actions), [environment.boxes] * len(states))
-    return np.asarray(path.outcomes != _TARGET)
+    return np.asarray(path.outcomes != ActionOutcome.TARGET.number)

@@ -22,9 +22,7 @@ from fairlead.scenarios.rope import FLOOR_BIT, OBSTACLE_BIT, PlanarRope
 from fairlead.scenarios.simulate import PhysicalWorld, Simulation, base_options
 
 LAYOUT = StateLayout(("gripper",), 10)
-_TARGET, _TIMEOUT, _DIVERGED = map(
-    tuple(ActionOutcome).index, (ActionOutcome.TARGET, ActionOutcome.TIMEOUT, ActionOutcome.DIVERGED)
-)
+_TARGET, _TIMEOUT, _DIVERGED = (o.number for o in (ActionOutcome.TARGET, ActionOutcome.TIMEOUT, ActionOutcome.DIVERGED))
 _NEVER, _CHECK_EVERY = -1, 5
 ARENA = 2.0
 WALLS = tuple(

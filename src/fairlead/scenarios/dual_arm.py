@@ -48,7 +48,6 @@ OBSTACLES = (
     Obstacle("hook1", (Box((0.04, 0.14, 0.18), (0.0, 0.0, 0.67)), Box((0.20, 0.14, 0.02), (-0.08, 0.0, 0.77)))),
     Obstacle("hook2", (Box((0.04, 0.08, 0.28), (0.0, 0.0, 0.71)), Box((0.18, 0.08, 0.02), (0.0, 0.0, 0.85)))),
 )  # fmt: skip
-_REACHED = tuple(ActionOutcome).index(ActionOutcome.TARGET)
 
 
 @final
@@ -151,7 +150,7 @@ class DualArm(Scenario):
             longest = np.linalg.norm(way, axis=-1).max(axis=1)
             target = at + way * np.minimum(1.0, LEG / np.maximum(longest, 1e-9))[:, None, None]
             done = world.carry(left, target.reshape(len(left), -1))
-            left = left[(done.outcomes == _REACHED) & (longest > LEG)]
+            left = left[(done.outcomes == ActionOutcome.TARGET.number) & (longest > LEG)]
             if not len(left):
                 break
         return world.observe()

@@ -19,7 +19,6 @@ from fairlead.scenarios.scene_files import Scene
 
 ACTIONS, TOGETHER, ROUNDS = 15, 16, 40
 """Random actions before a start; candidates that are simulated together; how often, before giving up."""
-_REACHED = tuple(ActionOutcome).index(ActionOutcome.TARGET)
 
 Kind = Callable[[DualArm, Sequence[Obstacle], Float[np.ndarray, "point 3"]], bool]
 
@@ -68,7 +67,10 @@ def hard_scene(scenario: DualArm, kind: str, rng: np.random.Generator, name: str
         displacement, keep = scenario.sampler.displacements(TOGETHER, rng), np.zeros(TOGETHER, bool)
         for _ in range(ACTIONS):
             displacement = scenario.sampler.redraw(displacement, keep, rng)
-            keep = world.execute(scenario.sampler.targets(world.observe(), displacement)).outcomes == _REACHED
+            keep = (
+                world.execute(scenario.sampler.targets(world.observe(), displacement)).outcomes
+                == ActionOutcome.TARGET.number
+            )
         for placed, state in zip(obstacles, world.observe(), strict=True):
             if KINDS[kind](scenario, placed, LAYOUT.points_of(state)):
                 return scenario.scene(name, placed, state, rng)

@@ -25,9 +25,7 @@ from fairlead.scenarios.simulate import PhysicalWorld, Simulation, base_options
 
 LAYOUT = StateLayout(("left_gripper", "right_gripper"), 25)
 TABLE = Box((0.8, 1.5, 0.12), (0.8, 0.0, 0.565))
-_TARGET, _STRETCH, _DIVERGED = map(
-    tuple(ActionOutcome).index, (ActionOutcome.TARGET, ActionOutcome.STRETCH, ActionOutcome.DIVERGED)
-)
+_TARGET, _STRETCH, _DIVERGED = (o.number for o in (ActionOutcome.TARGET, ActionOutcome.STRETCH, ActionOutcome.DIVERGED))
 
 
 REST_TICKS = 3

@@ -20,7 +20,7 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.records import ActionOutcome, Executed
 from fairlead.core.roles import World
 
-_DIVERGED = tuple(ActionOutcome).index(ActionOutcome.DIVERGED)
+_DIVERGED = ActionOutcome.DIVERGED.number
 SPEED_LIMIT = 100.0
 """A joint velocity [m/s or rad/s] that no sound simulation reaches."""
 
