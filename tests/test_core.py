@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 import fairlead
@@ -43,10 +43,9 @@ def test_streams_of_different_names_are_uncorrelated() -> None:
     assert np.abs(correlation).max() < 0.08
 
 
-@given(unit=st.sampled_from(["seconds", "extensions"]), number=st.integers(1, 10**6))
+@given(unit=st.sampled_from(["seconds", "extensions"]), number=st.integers(1, 10**12))
 def test_a_budget_survives_writing_and_reading(unit: str, number: int) -> None:
     assert Budget.parse(f"{unit}={number}") == Budget(**{unit: float(number)})
-    assume(number < 10**5)
     assert str(Budget.parse(f"{unit}={number}")) == f"{unit}={number}"
 
 

@@ -21,3 +21,8 @@ def test_best_threshold_beats_every_other(seed: int) -> None:
 
     best = balanced(best_threshold(spread, reliable))
     assert all(best >= balanced(threshold) - 1e-12 for threshold in np.linspace(0, 0.2, 101))
+
+
+def test_of_equally_good_thresholds_the_one_that_trusts_most_is_taken() -> None:
+    assert best_threshold(np.array([1.0, 2.0, 3.0, 4.0]), np.array([False, False, True, True])) > 4
+    assert best_threshold(np.zeros(3), np.array([True, False, True])) > 0

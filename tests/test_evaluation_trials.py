@@ -34,12 +34,13 @@ from fairlead.core.budget import Budget
 from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
 from fairlead.core.records import TrialOutcome
 from fairlead.core.traces import EVENTS, read_trace
+from fairlead.evaluation import trials
 from fairlead.evaluation.bench import PLANNERS, Bench, TrialsConfig, scaled
 from fairlead.evaluation.bench import Job as Trial
 from fairlead.evaluation.methods import CHECKS, DYNAMICS, METHODS, RECOVERIES, find_method
 from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
 from fairlead.evaluation.solved import solved_scenes
-from fairlead.evaluation.trials import CONFIG, SUMMARY, TRIALS, Trials, repair
+from fairlead.evaluation.trials import CONFIG, SCENES, SUMMARY, TRIALS, Trials, repair
 from fairlead.learning.dynamics import DynamicsConfig, Ensemble
 from fairlead.learning.model_files import Job, save_model
 from fairlead.planning.problem import PAPER, SearchSettings
@@ -305,6 +306,46 @@ def test_another_configuration_is_refused(config: TrialsConfig, finished: Path, 
     (finished / CONFIG).write_text(before)
 
 
+def test_a_folder_of_something_else_is_left_as_it_is(config: TrialsConfig, tmp_path: Path) -> None:
+    """A model's, whose configuration has the same name; one with a manifest of another kind; anybody's."""
+    model = config.models / "dynamics"
+    before = {path: path.read_bytes() for path in model.iterdir()}
+    with pytest.raises(ArtifactError, match="'trials' is needed here"):
+        Trials(config, model)
+    assert {path: path.read_bytes() for path in model.iterdir()} == before
+    (tmp_path / CONFIG).write_bytes((model / CONFIG).read_bytes())
+    with pytest.raises(ArtifactError, match="not the configuration of trials"):
+        Trials(config, tmp_path)
+    (tmp_path / CONFIG).rename(tmp_path / "notes.txt")
+    with pytest.raises(ArtifactError, match="holds no trials"):
+        Trials(config, tmp_path)
+
+
+def test_the_scenes_that_are_given_are_never_replaced(config: TrialsConfig, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    Trials(replace(config, limit=1), out).run()
+    with pytest.raises(ArtifactError, match="would be replaced"):
+        Trials(replace(config, scenes=out / SCENES), out)
+
+
+def test_a_finished_folder_whose_rows_were_changed_is_named(config: TrialsConfig, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    Trials(replace(config, limit=1), out).run()
+    (out / TRIALS).write_text((out / TRIALS).read_text().replace('"success": false', '"success": true', 1) + "\n")
+    with pytest.raises(ArtifactError, match=TRIALS):
+        Trials(replace(config, limit=1), out).run()
+
+
+def test_timed_trials_have_no_more_processes_than_cores(config: TrialsConfig, tmp_path: Path, monkeypatch) -> None:
+    asked = []
+    monkeypatch.setattr(trials, "cores", lambda: 2)
+    monkeypatch.setattr(trials, "run_jobs", lambda config, jobs, workers: (asked.append(workers), (r for r in ()))[1])
+    monkeypatch.setattr(trials, "_finish", lambda *_: {})
+    for name, budget in (("timed", Budget(seconds=1)), ("counted", Budget(extensions=1))):
+        Trials(replace(config, budget=budget), tmp_path / name).run(workers=5)
+    assert asked == [2, 5]
+
+
 def test_memories_end_with_their_trial_and_planning_knows_its_arms(config: TrialsConfig) -> None:
     config = replace(config, budget=Budget(extensions=2000))
     remembering = Bench(replace(config, remember=True))
@@ -351,6 +392,10 @@ def test_mistakes_name_what_is_allowed(config: TrialsConfig) -> None:
         replace(config, methods=("trust", "trust"))
     with pytest.raises(FairleadError, match="seeds"):
         replace(config, seeds=())
+    with pytest.raises(FairleadError, match="traced -1"):
+        replace(config, traced=-1)
+    with pytest.raises(UnknownNameError):
+        find_method("collision")  # a check, and no method
 
 
 def test_an_attempt_is_as_much_longer_as_the_budget(config: TrialsConfig, monkeypatch: pytest.MonkeyPatch) -> None:

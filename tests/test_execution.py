@@ -288,6 +288,19 @@ def test_an_interrupt_while_planning_leaves_a_readable_trace(tmp_path_factory, p
     assert (len(trace.plans), len(trace.actions)) == (len(plans), sum(plans))
 
 
+@pytest.mark.parametrize("damage", ["start", "arrays"])
+def test_a_damaged_trace_is_named(tmp_path: Path, damage: str) -> None:
+    trial(scripted_task([3], goal=tail_goal(9, 9)), Budget(extensions=3), recorder=TraceFolder(tmp_path, {}))
+    assert read_trace(tmp_path).plans
+    if damage == "start":
+        (tmp_path / EVENTS).write_text((tmp_path / EVENTS).read_text().replace('"layout"', '"lay"', 1))
+    else:
+        for path in tmp_path.glob("*.npz"):
+            path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(ArtifactError, match="damaged"):
+        read_trace(tmp_path)
+
+
 ENDLESS = """
 import sys
 from pathlib import Path

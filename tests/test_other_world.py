@@ -74,7 +74,7 @@ def test_differences_are_read_as_they_are_written(**values: float) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "mass", "mass=heavy", "wind=3", "mass=0", "friction=-1", "delay_s=nan", "arms=six"]
+    "text", ["", "mass", "mass=heavy", "wind=3", "mass=0", "friction=-1", "delay_s=nan", "arms=six", "mass=2,mass=3"]
 )
 def test_what_is_no_difference_is_refused_in_one_line(text: str) -> None:
     with pytest.raises(FairleadError, match=r"^[^\n]*difference[^\n]*$"):

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
 from fairlead.cli.output import progress_bar, show
+from fairlead.core.cores import cores
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Command:
     """Phase 2: the obstacles move after so many trajectories of a lane. Fewer give more scenes to learn from."""
     seed: int = 0
     """Of every random stream."""
-    threads: int = os.cpu_count() or 1
+    threads: int = field(default_factory=cores)
     """Of the simulator; they do not change a byte."""
     json: bool = False
     """Print one JSON object."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from fairlead.cli.output import progress_bar, show
+from fairlead.core.cores import cores
 
 
 @dataclass(frozen=True)
@@ -16,7 +16,7 @@ class Command:
 
     out: Path = Path("runs/demo")
     """Folder of trials and report."""
-    workers: int = os.cpu_count() or 1
+    workers: int = field(default_factory=cores)
     """Processes that run trials; no more than there are cores."""
 
     def run(self) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from fairlead.cli.output import show
+from fairlead.core.cores import cores
 from fairlead.core.errors import FairleadError
 
 ENGINES = ("numpy", "scipy", "mujoco", "torch", "ompl", "pyarrow", "safetensors", "matplotlib", "imageio-ffmpeg")
@@ -56,7 +57,7 @@ def examine() -> dict[str, Any]:
     for key, needs, probe in (("rendering", "mujoco", _rendering), ("video", "imageio-ffmpeg", _video)):
         found[key] = f"missing: it needs {needs}" if found[needs].startswith("missing") else probe()
     found["graphics card"] = "present" if shutil.which("nvidia-smi") else "none (not needed)"
-    found["cores"] = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    found["cores"] = cores()
     found["free disk (GB)"] = round(shutil.disk_usage(Path.cwd()).free / 1e9, 1)
     return found
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
 from fairlead.cli.output import progress_bar, show
+from fairlead.core.cores import cores
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Command:
     """Only the first so many scenes."""
     traced: int = 5
     """Keep the traces of the first so many scenes, for videos."""
-    workers: int = os.cpu_count() or 1
+    workers: int = field(default_factory=cores)
     """Processes. With a budget in seconds, no more than there are cores."""
     json: bool = False
     """Print one JSON object."""
@@ -65,11 +65,11 @@ class Command:
         from fairlead.execution.trial import Protocol
         from fairlead.scenarios.other_world import Differences
 
-        budget, cores = Budget.parse(self.budget), os.cpu_count() or 1
+        budget, most = Budget.parse(self.budget), cores()
         if self.seeds < 1:
             raise FairleadError(f"--seeds {self.seeds}: at least 1 is needed")
-        if budget.seconds < math.inf and self.workers > cores:
-            raise FairleadError(f"--workers {self.workers}: timed trials take a core each; {cores} here")
+        if budget.seconds < math.inf and self.workers > most:
+            raise FairleadError(f"--workers {self.workers}: timed trials take a core each; {most} here")
         config = TrialsConfig(
             scenario=self.scenario,
             models=self.models or shipped_models(self.scenario),

@@ -9,13 +9,13 @@ from fairlead.cli.output import show
 
 @dataclass(frozen=True)
 class Command:
-    """The table of methods: every name that `plan --method` and `evaluate --methods` take, and what it does."""
+    """Every name that `plan --method` and `evaluate --methods` take, installed checks too, and what it does."""
 
     json: bool = False
     """Print one JSON object."""
 
     def run(self) -> None:
         """Print it."""
-        from fairlead.evaluation.methods import METHODS
+        from fairlead.evaluation.methods import find_method, method_names
 
-        show({name: method.sentence for name, method in METHODS.items()}, self.json)
+        show({name: find_method(name).sentence for name in method_names()}, self.json)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +11,7 @@ from typing import Annotated
 import tyro
 
 from fairlead.cli.output import progress_bar, show
+from fairlead.core.cores import cores
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Command:
     """Train and try trust at other thresholds too (Fig. S2), as evidence does; not of real_tasks."""
     seed: int = 0
     """Of data and training; the trials' seeds are the preset's."""
-    threads: int = os.cpu_count() or 1
+    threads: int = field(default_factory=cores)
     """Of the simulator and of training; as many processes run trials."""
     json: bool = False
     """Print one JSON object."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
 from fairlead.cli.output import show
+from fairlead.core.cores import cores
 
 NEEDS = {"trust": ("dynamics",), "recovery": ("dynamics", "trust")}
 """The other models that each model is trained on."""
@@ -40,12 +40,13 @@ class Command:
     grid: Literal["coarse", "paper"] | None = None
     """Voxels of a voxel classifier or of full dynamics; the preset's by default."""
     delta: float | None = None
-    """trust: largest error [m] of a reliable prediction; the dynamics' own by default."""
+    """trust: largest error [m] of a reliable prediction; the preset's by default, and where it has none the dynamics'
+    own."""
     preset: str = "desk"
     """Whose settings of training: smoke, desk or paper."""
     seed: int = 0
     """Of every random stream."""
-    threads: int = os.cpu_count() or 1
+    threads: int = field(default_factory=cores)
     """Of training; another number rounds differently."""
     json: bool = False
     """Print one JSON object."""

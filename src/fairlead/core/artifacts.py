@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from importlib import metadata
 from pathlib import Path
 from typing import Any, cast
 
+from fairlead.core.cores import cores
 from fairlead.core.errors import ArtifactError
 
 MANIFEST = "manifest.json"
@@ -80,6 +83,20 @@ def read_jsonl(path: Path) -> Iterator[dict[str, Any]]:
                 raise ArtifactError(path, f"line {number} is not valid JSON") from None
 
 
+@contextmanager
+def alone(folder: Path) -> Generator[None]:
+    """Nobody else writes into this folder meanwhile; ArtifactError where somebody does. It is created where missing."""
+    folder.mkdir(parents=True, exist_ok=True)
+    held = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    except BlockingIOError:
+        raise ArtifactError(folder, "another process is at work there; wait for it, or choose another folder") from None
+    finally:
+        os.close(held)
+
+
 def git_revision() -> str:
     """The revision of the code that runs, when it runs from a checkout."""
     try:
@@ -108,13 +125,13 @@ def provenance() -> dict[str, Any]:
         "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
         "git": git_revision(),
         "versions": versions,
-        "hardware": {"machine": platform.machine(), "cores": os.cpu_count() or 1},
+        "hardware": {"machine": platform.machine(), "cores": cores()},
     }
 
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a folder is. `kind` is one of dataset, model, trials, evidence, sensitivity, report, run.
+    """What a folder is. `kind` is one of dataset, model, trials, evidence, sensitivity, report.
 
     files maps a relative name to its SHA-256; inputs maps a name to the hash of the manifest that was read.
     """

@@ -40,8 +40,8 @@ class Budget:
 
     def __str__(self) -> str:
         if math.isfinite(self.seconds):
-            return f"seconds={self.seconds:g}"
-        return f"extensions={self.extensions:g}"
+            return f"seconds={self.seconds:.15g}"
+        return f"extensions={self.extensions:.15g}"
 
 
 @dataclass

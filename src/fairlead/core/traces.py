@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Float
@@ -80,6 +81,13 @@ def read_trace(folder: Path) -> Trace:
     events = list(read_jsonl(folder / EVENTS))
     if not events or events[0].get("event") != "start":
         raise ArtifactError(folder / EVENTS, "not the trace of a trial: no start event")
+    try:
+        return _read(folder, events)
+    except (KeyError, ValueError, BadZipFile) as error:
+        raise ArtifactError(folder, f"a damaged trace ({type(error).__name__}: {error})") from None
+
+
+def _read(folder: Path, events: list[dict[str, Any]]) -> Trace:
     start = events[0]
     state = np.array(start["state"], np.float32)
     result = {k: v for k, v in events[-1].items() if k != "event"} if events[-1]["event"] == "end" else {}

@@ -19,7 +19,7 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Int
 
-from fairlead.core.artifacts import Manifest
+from fairlead.core.artifacts import Manifest, alone
 from fairlead.core.budget import Clock
 from fairlead.core.errors import FairleadError
 from fairlead.core.streams import stream
@@ -97,11 +97,24 @@ def collect(
         clock: measures wall time.
 
     Raises:
-        ArtifactError: the folder holds something else.
+        ArtifactError: the folder holds something else, or another process records into it.
     """
-    recording = Recording(folder, config.resolved(scenario))
-    if recording.manifest:
-        return recording.manifest
+    with alone(folder):
+        recording = Recording(folder, config.resolved(scenario))
+        if not recording.manifest:
+            _record(scenario, config, recording, threads, advance, clock)
+        return recording.manifest or recording.finish()
+
+
+def _record(
+    scenario: Scenario,
+    config: CollectConfig,
+    recording: Recording,
+    threads: int,
+    advance: Callable[[int], None],
+    clock: Clock,
+) -> None:
+    """Record all trajectories that are missing."""
     lanes, steps = recording.config["lanes"], recording.config["steps"]
     advance(min(len(recording) * lanes, config.trajectories) * steps)
     groups = max(1, min(threads, lanes // GROUP)) if travels(scenario) else 1
@@ -119,7 +132,6 @@ def collect(
                     if answer is not Ended.JOB:
                         gathered.take(group, answer)
             gathered.close()
-    return recording.finish()
 
 
 def _windows(

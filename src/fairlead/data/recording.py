@@ -38,7 +38,7 @@ class Recording:
     """Begins the dataset in `folder`, or goes on after the shards that are finished and undamaged.
 
     Every step is ordered so that a process may be killed at any moment: the shard, then its scenes, then the progress
-    that vouches for both by hash.
+    that vouches for the shard by its hash and says how many of the scenes are its own.
 
     Args:
         folder: of the dataset; created where it does not exist.

@@ -93,6 +93,8 @@ class TrialsConfig:
                 raise FairleadError(f"{name}: at least one is needed, and none twice; got {list(values)}")
         if self.limit is not None and self.limit < 1:
             raise FairleadError(f"limit {self.limit}: at least 1 scene is needed")
+        if self.traced < 0:
+            raise FairleadError(f"traced {self.traced}: no less than 0 scenes are needed")
         for method in self.methods:
             find_method(method)
 

@@ -65,8 +65,15 @@ METHODS: dict[str, Method] = {
     "accept-all": Method("learned", "accept-all", "none", "The same dynamics, trusted everywhere."),
     "accept-all+arms": Method("learned", "arms", "none", "Trusted everywhere that the arms can reach."),
     "full-dynamics": Method("full", "accept-all", "none", "Dynamics that learn the obstacles too, no check."),
+    "full-dynamics+arms": Method("full", "arms", "none", "The same, trusted everywhere that the arms can reach."),
     "collision-check": Method("learned", "collision", "none", "A collision check made by hand."),
+    "collision-check+random-recovery": Method(
+        "learned", "collision", "random", "The check made by hand; stuck, a random action."
+    ),
     "spread-threshold": Method("learned", "spread", "none", "Trust where the ensemble agrees."),
+    "spread-threshold+arms": Method(
+        "learned", "spread+arms", "none", "Trust where the ensemble agrees and the arms can reach."
+    ),
     "oracle": Method("simulator", "accept-all", "none", "Plans with the simulator itself: what is solvable.", 5.0),
 }
 """In the order to report; without another word the first that was tried is compared with each of the others."""
@@ -131,12 +138,13 @@ CHECKS: dict[str, Callable[[Models], TransitionCheck]] = {
         CollisionCheck(models.scenario.layout, models.scenario.rope_radius), models.scenario
     ),
     "spread": lambda models: SpreadThreshold(models.spread_threshold_m),
+    "spread+arms": lambda models: within_reach(SpreadThreshold(models.spread_threshold_m), models.scenario),
     "trust": lambda models: _trust(models, "trust"),
     "trust-sdf": lambda models: _trust(models, "trust-sdf"),
 }
 """Others come by entry points in `fairlead.checks`: a function of the models.
 
-The classifiers and the collision check know what the scenario's arms can do. So does "arms", and nothing else: it tells
+The classifiers and the collision check know what the scenario's arms can do. So do "arms" and "spread+arms": they tell
 what knowing the arms is worth without trust. The others know no geometry at all.
 """
 
@@ -166,12 +174,16 @@ def find_method(name: str) -> Method:
     Raises:
         UnknownNameError: neither a row nor an installed check.
     """
-    installed = [check for check in plugins.names("check", {}) if check not in METHODS]
     if name in METHODS:
         return METHODS[name]
-    if name in installed:
+    if name in method_names():
         return Method("learned", name, "none", f"The learned dynamics, checked by {name}.")
-    raise UnknownNameError("method", name, [*METHODS, *installed])
+    raise UnknownNameError("method", name, method_names())
+
+
+def method_names() -> list[str]:
+    """The rows of the table, then the installed checks."""
+    return [*METHODS, *(check for check in plugins.names("check", {}) if check not in {*METHODS, *CHECKS})]
 
 
 def in_order(names: Iterable[str]) -> list[str]:

@@ -12,25 +12,28 @@ A folder of trials holds:
 
 from __future__ import annotations
 
-import fcntl
-import os
+import math
 import time
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any, final
 
 from fairlead.core.artifacts import (
     MANIFEST,
     Manifest,
+    alone,
     append_jsonl,
     git_revision,
     read_json,
     read_jsonl,
+    read_manifest,
     sha256,
+    verify_files,
     write_atomic,
     write_json,
 )
+from fairlead.core.cores import cores
 from fairlead.core.errors import ArtifactError, UnknownNameError
 from fairlead.evaluation.bench import Bench, Job, Row, TrialsConfig
 from fairlead.evaluation.methods import in_order
@@ -57,6 +60,7 @@ class Trials:
     """
 
     def __init__(self, config: TrialsConfig, out: Path) -> None:
+        _ours(config, out)
         self._bench, self._out, self._revision = Bench(config), out, git_revision()
         tried = {*config.methods, *(row["method"] for row in read_jsonl(out / TRIALS))}
         if config.reference not in {None, *tried}:
@@ -67,6 +71,8 @@ class Trials:
     def run(self, workers: int = 1, ended: Callable[[Row], None] = lambda row: None) -> dict[str, Any]:
         """Run what is missing in so many processes, tell `ended` each row, and finish the folder.
 
+        Timed trials take a core each: with a budget in seconds there are no more processes than cores.
+
         With a counted budget the rows do not depend on `workers`, but for their order. Returns the summary of all the
         folder's trials.
 
@@ -74,8 +80,9 @@ class Trials:
             ArtifactError: another process runs trials of this folder.
         """
         started = time.monotonic()
-        self._out.mkdir(parents=True, exist_ok=True)
-        with _alone(self._out):
+        if math.isfinite(self._bench.config.budget.seconds):
+            workers = min(workers, cores())
+        with alone(self._out):
             repair(self._out / TRIALS)
             _claim(self._out, _merged(self._out, identity(self._bench), self._bench.config.reference))
             self.missing = _missing(self._bench, self._out)
@@ -88,17 +95,14 @@ class Trials:
             return _finish(self._bench, self._out, time.monotonic() - started)
 
 
-@contextmanager
-def _alone(out: Path) -> Iterator[None]:
-    """Nobody else runs trials of this folder meanwhile; ArtifactError where somebody does."""
-    held = os.open(out, os.O_RDONLY)
-    try:
-        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield
-    except BlockingIOError:
-        raise ArtifactError(out, "another process runs trials there; wait for it, or use --out") from None
-    finally:
-        os.close(held)
+def _ours(config: TrialsConfig, out: Path) -> None:
+    """ArtifactError where `out` holds something else than trials, or the scenes that would be overwritten."""
+    if (out / MANIFEST).exists():
+        read_manifest(out, "trials")
+    elif not (out / CONFIG).exists() and out.is_dir() and any(not path.name.startswith(".") for path in out.iterdir()):
+        raise ArtifactError(out, "not empty, and holds no trials; use another --out")
+    if config.scenes.resolve() == (out / SCENES).resolve():
+        raise ArtifactError(config.scenes, "would be replaced by the scenes that are tried; use another --out")
 
 
 def identity(bench: Bench) -> dict[str, Any]:
@@ -132,6 +136,8 @@ def _merged(out: Path, wanted: dict[str, Any], reference: str | None) -> dict[st
     """The folder's configuration with this one's models and reference; ArtifactError where it is another one's."""
     path = out / CONFIG
     found = {"remember": False, **read_json(path)} if path.exists() else {"models": {}}
+    if "models" not in found:
+        raise ArtifactError(path, "not the configuration of trials; use another --out")
     before, now = ({**config, **config["models"], "models": None} for config in (found, wanted))
     for key, value in now.items():
         if key in before and before[key] != value:
@@ -167,6 +173,7 @@ def _missing(bench: Bench, out: Path) -> list[Job]:
 def _finish(bench: Bench, out: Path, wall_s: float) -> dict[str, Any]:
     """Summary, scenes and manifest from the rows on disk; a finished folder that gained nothing stays as it is."""
     if (out / MANIFEST).exists():
+        verify_files(out, read_manifest(out, "trials"))
         return read_json(out / SUMMARY)
     config, rows, about = bench.config, list(read_jsonl(out / TRIALS)), read_json(out / CONFIG)
     methods, seeds = in_order(row["method"] for row in rows), sorted({row["seed"] for row in rows})

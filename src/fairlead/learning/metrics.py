@@ -65,10 +65,12 @@ def classification(probability: Float[np.ndarray, " n"], label: Bool[np.ndarray,
 def best_threshold(spread: Float[np.ndarray, " example"], reliable: Bool[np.ndarray, " example"]) -> float:
     """The spread [m] below which to trust a prediction: the best balanced accuracy on labelled validation examples.
 
-    Every midpoint between two neighbouring values is tried, and both ends, so that trusting all or nothing may win.
+    Every midpoint between two neighbouring values is tried, and both ends, so that trusting all or nothing may win. Of
+    equally good ones the one that trusts most is taken.
     """
     values = np.unique(spread)
     cuts = np.concatenate([[values[0] / 2], (values[1:] + values[:-1]) / 2, [values[-1] * 2 + 1e-12]])
     kept = np.searchsorted(np.sort(spread[reliable]), cuts) / max(1, int(reliable.sum()))
     passed = np.searchsorted(np.sort(spread[~reliable]), cuts) / max(1, int((~reliable).sum()))
-    return float(cuts[np.argmax(kept - passed)])
+    gain = kept - passed
+    return float(cuts[np.flatnonzero(gain == gain.max())[-1]])

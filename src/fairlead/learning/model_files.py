@@ -72,11 +72,10 @@ class ModelFile:
     metrics: dict[str, Any]
     tensors: dict[str, Tensor]
 
-    def load_into(self, module: nn.Module, prefix: str = "") -> None:
-        """Put the tensors whose names begin with `prefix` into a module, and the module into evaluation mode."""
-        tensors = {name[len(prefix) :]: x for name, x in self.tensors.items() if name.startswith(prefix)}
+    def load_into(self, module: nn.Module) -> None:
+        """Put the tensors into a module, and the module into evaluation mode."""
         try:
-            module.load_state_dict(tensors)
+            module.load_state_dict(dict(self.tensors))
         except RuntimeError as error:
             problem = str(error).splitlines()[-1].strip()
             raise ArtifactError(

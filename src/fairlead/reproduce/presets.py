@@ -163,7 +163,7 @@ _DUAL_DESK = Preset(
 _DUAL_PAPER = Preset(
     phase1=2048, phase2=5996, full=7020,
     dynamics=DynamicsConfig(planar=False, stages=(Stage(80, 128, 2e-3), Stage(10, 128, 5e-4, 4))),
-    full_dynamics=FullDynamicsConfig(planar=False, grid=COARSE_GRID_3D, stages=(Stage(4, 64), Stage(1, 64, 3e-4, 4))),
+    full_dynamics=FullDynamicsConfig(planar=False, grid=COARSE_GRID_3D, stages=(Stage(6, 64), Stage(1, 64, 3e-4, 4))),
     trust=TrustConfig("voxel", planar=False, delta_m=0.025, hidden=128, grid=COARSE_GRID_3D, limit=100_000,
                       stages=(Stage(2, 64),)),
     trust_sdf=TrustConfig("sdf", planar=False, delta_m=0.025, limit=400_000, stages=(Stage(6, 512),)),
@@ -172,7 +172,8 @@ _DUAL_PAPER = Preset(
     methods=_DUAL_DESK.methods, budget=Budget(seconds=180), planner="rrt", lanes=256, obstacles_every=2,
     sets={"benchmark": 20, "hard": 10, "authors": None},
     improved=("trust-sdf+recovery", "trust-sdf+planned-recovery", "trust-sdf+doubted-recovery",
-              "trust-sdf+random-recovery", "accept-all", "accept-all+arms", "full-dynamics", "collision-check"),
+              "trust-sdf+random-recovery", "accept-all+arms", "full-dynamics+arms", "collision-check",
+              "collision-check+random-recovery"),
 )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fairlead.core.artifacts import MANIFEST, read_json, read_manifest, sha256, verify_files, write_atomic
+from fairlead.core.artifacts import MANIFEST, alone, read_json, read_manifest, sha256, verify_files, write_atomic
 from fairlead.core.errors import ArtifactError
 from fairlead.data.shards import SPLITS
 from fairlead.data.store import load
@@ -80,8 +80,17 @@ def finished(folder: Path, config: Any, inputs: Mapping[str, Data], seed: int) -
     wanted = {"settings": _plain(asdict(config)), "inputs": _hashes(inputs), "seed": seed}
     for name, value in wanted.items():
         if found[name] != value:
-            raise ArtifactError(folder, f"holds a model of other {name}; choose another folder, or remove this one")
+            what = f"other {name} ({_difference(found[name], value)})"
+            raise ArtifactError(folder, f"holds a model of {what}; choose another folder, or remove this one")
     return True
+
+
+def _difference(found: Any, wanted: Any) -> str:
+    """The first that differs of two values, or of what two tables hold."""
+    if not (isinstance(found, dict) and isinstance(wanted, dict)):
+        return f"{found}, not {wanted}"
+    key = next(key for key in {**found, **wanted} if found.get(key) != wanted.get(key))
+    return f"{key}: {found.get(key)}, not {wanted.get(key)}"
 
 
 def reused(source: Path, folder: Path) -> None:
@@ -110,8 +119,10 @@ def train_once(
     scenario: Scenario, folder: Path, config: Any, inputs: Mapping[str, Data], seed: int, train: Callable[[Job], object]
 ) -> None:
     """Train a model where its folder does not hold it yet; `finished` says what is refused."""
-    if not finished(folder, config, inputs, seed):
-        train(Job(folder, scenario.name, seed, _hashes(inputs)))
+    job = Job(folder, scenario.name, seed, _hashes(inputs))
+    with alone(folder):
+        if not finished(folder, config, inputs, seed):
+            train(job)
 
 
 def dynamics(scenario: Scenario, data: Data, config: DynamicsConfig, out: Path, seed: int) -> None:

@@ -20,7 +20,6 @@ from fairlead.scenarios.scene_files import Scene
 
 Draft = tuple[tuple[Obstacle, ...], np.ndarray, np.ndarray]
 """Obstacles, start state, goal position."""
-_MARGIN = 0.03
 
 
 def on_floor(shape: Obstacle, name: str, position: tuple[float, float], yaw: float) -> Obstacle:

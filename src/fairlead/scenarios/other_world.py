@@ -71,6 +71,8 @@ class Differences:
             name, _, value = part.strip().partition("=")
             if name not in known:
                 raise FairleadError(f"unknown difference '{name}'; allowed: mockup, {', '.join(known)}")
+            if name in found:
+                raise FairleadError(f"difference '{name}' is given twice")
             try:
                 found[name] = value if name == "arms" else float(value)
             except ValueError:
@@ -84,7 +86,7 @@ class Differences:
         """What differs, as `parse` reads it."""
         nothing = Differences()
         changed = {k: v for k, v in asdict(self).items() if v != getattr(nothing, k)}
-        return ",".join(f"{k}={v if k == 'arms' else format(v, 'g')}" for k, v in changed.items())
+        return ",".join(f"{k}={v if k == 'arms' else format(v, '.15g')}" for k, v in changed.items())
 
 
 MOCKUP = Differences(mass=1.5, friction=0.7, damping=2.0, length=1.02, stiffness=0.002, tracking_m=0.003,

@@ -5,16 +5,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, final
 
-import imageio_ffmpeg
 import mujoco
 import numpy as np
 from jaxtyping import Float, UInt8
-from PIL import Image
 
 from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
@@ -165,30 +162,3 @@ def plain_backdrop(bounds: Float[np.ndarray, "2 3"]) -> mujoco.MjModel:
     spec.visual.headlight.specular = [0, 0, 0]
     spec.worldbody.add_camera(name="view", pos=[x, y, bounds[1, 2] + 2.6 * half], fovy=45)
     return spec.compile()
-
-
-def save_png(path: Path, frame: UInt8[np.ndarray, "height width 3"]) -> None:
-    """Write one picture."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(frame).save(path)
-
-
-def save_mp4(path: Path, frames: Iterable[UInt8[np.ndarray, "height width 3"]], fps: int = 25) -> None:
-    """Write a film (H.264, plays in every browser); all frames have the same size."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    writer = None
-    for frame in frames:
-        if writer is None:
-            writer = imageio_ffmpeg.write_frames(
-                str(path),
-                (frame.shape[1], frame.shape[0]),
-                fps=fps,
-                macro_block_size=2,
-                quality=8,
-                ffmpeg_log_level="error",
-            )
-            writer.send(None)
-        writer.send(np.ascontiguousarray(frame))
-    if writer is None:
-        raise FairleadError(f"{path}: a film needs at least one frame")
-    writer.close()

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from fairlead.core.errors import FairleadError
+from fairlead.core.errors import FairleadError, FileFormatError
 from fairlead.core.layout import StateLayout
 from fairlead.core.marks import marks
 from fairlead.core.roles import Environment
@@ -114,8 +114,11 @@ class Scenario(ABC):
     def scenes(self, path: Path) -> SceneSet:
         """Read and validate a scene file of this scenario."""
         scenes = read_scenes(path, self.name, self.layout)
-        for scene in scenes.scenes:
-            self.validate(scene)
+        for i, scene in enumerate(scenes.scenes):
+            try:
+                self.validate(scene)
+            except FairleadError as error:
+                raise FileFormatError(path, f"scenes[{i}]", str(error)) from None
         return scenes
 
     def renderer(self, scene: Scene, width: int = 800, height: int = 800, shadows: bool = True) -> SceneRenderer:

@@ -101,13 +101,6 @@ class Task(Scenario):
     def random_start(self, rng: np.random.Generator) -> Float[np.ndarray, " state"]:
         return self._world.random_start(rng)
 
-    def random_obstacles(self, state: Float[np.ndarray, " state"], rng: np.random.Generator) -> tuple[Obstacle, ...]:
-        for _ in range(TRIES):
-            obstacles = self._spec.obstacles(rng)
-            if clear(self._world, obstacles, state):
-                return obstacles
-        raise SamplingError("surroundings that leave the rope free", TRIES, "start with the rope elsewhere")
-
     def rearrange(
         self, states: Float[np.ndarray, "batch state"], rngs: Sequence[np.random.Generator], threads: int = 1
     ) -> tuple[list[tuple[Obstacle, ...]], Float[np.ndarray, "batch state"]]:
@@ -118,6 +111,7 @@ class Task(Scenario):
 
     def random_scene(self, rng: np.random.Generator, name: str) -> Scene:
         """A variation of the surroundings, a start among them at which the rope rests, and a goal."""
+        problem = "the rope does not rest at its start"
         for _ in range(TRIES):
             obstacles = self._spec.obstacles(rng)
             try:
@@ -125,11 +119,12 @@ class Task(Scenario):
                 goal = self._spec.goal(self._world, obstacles, rng)
                 scene = Scene.starting(self.layout, name, obstacles, start, goal)
                 self.validate(scene)
-            except FairleadError:
+            except FairleadError as error:
+                problem = str(error)
                 continue
             if self.simulate([obstacles], scene.state(self.layout)[None]).residual[0] < MOVED:
                 return scene
-        raise SamplingError(f"scene of task '{self.name}'", TRIES, "loosen its starts")
+        raise SamplingError(f"scene of task '{self.name}'", TRIES, f"look at what was wrong last: {problem}")
 
     def validate(self, scene: Scene) -> None:
         self._world.validate(scene)
