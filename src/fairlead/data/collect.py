@@ -101,9 +101,11 @@ def collect(
     """
     with alone(folder):
         recording = Recording(folder, config.resolved(scenario))
-        if not recording.manifest:
-            _record(scenario, config, recording, threads, advance, clock)
-        return recording.manifest or recording.finish()
+        if recording.manifest:
+            advance(config.trajectories * recording.config["steps"])
+            return recording.manifest
+        _record(scenario, config, recording, threads, advance, clock)
+        return recording.finish()
 
 
 def _record(
