@@ -9,6 +9,8 @@ import pytest
 from hypothesis import settings
 from jaxtyping import install_import_hook
 
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # files of tests run side by side, two at a time: a core for each
+
 CHECKED = ("core", "geometry", "planning", "execution")
 install_import_hook([f"fairlead.{package}" for package in CHECKED], "typechecker.check")
 

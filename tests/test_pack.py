@@ -48,7 +48,8 @@ class RecoveryAndTrust:
 
 def write(folder: Path, kind: str, config: Any, module: nn.Module, **metrics: Any) -> None:
     """A model as training writes it."""
-    inputs = {} if kind.endswith("dynamics") else {"dynamics": sha256(folder.parent / "dynamics" / MANIFEST)}
+    needs = {"trust": ["dynamics"], "recovery": ["dynamics", folder.name.replace("recovery", "trust")]}.get(kind, [])
+    inputs = {name.removesuffix("-sdf"): sha256(folder.parent / name / MANIFEST) for name in needs}
     job, network = Job(folder, "dragging", 3, inputs), getattr(config, "network", "voxel")
     save_model(job, kind, network, DRAGGING.layout, config, module.state_dict(), metrics, 1.0)
 
@@ -129,13 +130,21 @@ def test_what_is_packed_already_is_copied_with_its_history(models: Path, tmp_pat
 def test_a_classifier_is_refused_beside_dynamics_it_was_not_trained_on(models: Path, tmp_path: Path) -> None:
     pack(models, tmp_path / "packed")
     change(models, 0.1)
-    with pytest.raises(ArtifactError, match="trained on other dynamics"):
+    with pytest.raises(ArtifactError, match="trained with another 'dynamics'"):
         pack(models, tmp_path / "mixed")
     assert not (tmp_path / "mixed").exists()
     (tmp_path / "packed" / "dynamics").rename(tmp_path / "set aside")
     (models / "dynamics").rename(tmp_path / "packed" / "dynamics")
-    with pytest.raises(ArtifactError, match="trained on other dynamics"):
+    with pytest.raises(ArtifactError, match="trained with another 'dynamics'"):
         Models(tmp_path / "packed", DRAGGING).folder_of("trust")
+
+
+def test_a_recovery_is_refused_beside_a_classifier_it_was_not_trained_for(models: Path, tmp_path: Path) -> None:
+    assert Models(models, DRAGGING).folder_of("recovery-sdf")
+    (models / "trust-sdf" / MANIFEST).write_text((models / "trust-sdf" / MANIFEST).read_text() + "\n")
+    assert Models(models, DRAGGING).folder_of("recovery")
+    with pytest.raises(ArtifactError, match=r"recovery-sdf: trained with another 'trust-sdf'"):
+        Models(models, DRAGGING).folder_of("recovery-sdf")
 
 
 BEYOND = 1e6 * torch.nn.functional.one_hot(torch.tensor(0), SMOKE.dynamics.hidden)

@@ -98,16 +98,17 @@ class Models:
         """The folder of a finished model.
 
         Raises:
-            ArtifactError: there is none, or it was trained on dynamics other than those beside it, whose predictions
-                and delta may differ.
+            ArtifactError: there is none, or it was trained on dynamics or for a classifier other than those beside it,
+                whose predictions and delta may differ.
         """
         folder = self.folder / name
         if not (folder / MANIFEST).exists():
             there = ", ".join(sorted(path.parent.name for path in self.folder.glob(f"*/{MANIFEST}"))) or "none"
             raise ArtifactError(folder, f"no finished model; here are: {there}; train it, or choose another --models")
-        trained_on = read_manifest(folder, "model").inputs.get("dynamics")
-        if trained_on is not None and trained_on not in _hashes(self.folder_of("dynamics")):
-            raise ArtifactError(folder, "trained on other dynamics than those beside it; train it again")
+        made_from = read_manifest(folder, "model").inputs
+        for kind, model in (("dynamics", "dynamics"), ("trust", name.replace("recovery", "trust"))):
+            if kind in made_from and made_from[kind] not in _hashes(self.folder_of(model)):
+                raise ArtifactError(folder, f"trained with another '{model}' than the one beside it; train it again")
         self.hashes[name] = sha256(folder / MANIFEST)
         return folder
 

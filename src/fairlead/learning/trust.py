@@ -75,9 +75,7 @@ class TrustTask(Task):
         self._train_inputs, self._validation_inputs = module.prepare(train), module.prepare(validation)
         if train.labels.all() or not train.labels.any():
             only = "reliable" if train.labels.all() else "unreliable"
-            raise FairleadError(
-                f"every training example is {only}: nothing to learn; collect more, or change delta"
-            )
+            raise FairleadError(f"every training example is {only}: nothing to learn; collect more, or change delta")
         module.standardise(self._train_inputs, len(train))
 
     def order(self, stage: Stage, rng: np.random.Generator) -> Sequence[Int[np.ndarray, " row"]]:
