@@ -129,7 +129,7 @@ _PAPER = Preset(
     recovery=RecoveryConfig(limit=20_000),
     recovery_sdf=RecoveryConfig(limit=40_000, discount=0.8, stages=(Stage(16, 128),)),
     methods=LEARNED, budget=Budget(seconds=180), planner="rrt", obstacles_every=2,
-    sets={"benchmark": 50, "hard": 25, "authors": None},
+    sets={"benchmark": 20, "hard": 20, "authors": None},
     improved=("trust-sdf", "accept-all", "full-dynamics", "collision-check"),
 )  # fmt: skip
 
