@@ -291,6 +291,10 @@ def test_recovery_asks_again_for_what_the_arms_can_do() -> None:
     assert reached(ArmsRecovery(random, layout, ARMS)) > reached(random)
     assert reached(ArmsRecovery(random, layout, ARMS, tries=1)) == reached(random)
     assert ArmsRecovery(NoRecovery(), layout, ARMS).choose(environment, states, np.random.default_rng(0)) is None
+    random.extensions = 7  # what the inner policy has checked is charged
+    policy = ArmsRecovery(random, layout, ARMS)
+    reached(policy)
+    assert policy.extensions == 7
 
 
 def test_the_given_starts_and_goals_are_within_reach(authors_scenes: Path) -> None:

@@ -81,6 +81,7 @@ class ArmsRecovery(RecoveryPolicy):
         actions, open_rows = None, np.arange(len(states))
         for _ in range(self.tries):
             chosen = self.inner.choose(environment, states[open_rows], rng)
+            self.extensions = self.inner.extensions
             if chosen is None:
                 return None
             actions = chosen if actions is None else actions
