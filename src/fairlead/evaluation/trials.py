@@ -99,8 +99,10 @@ def _ours(config: TrialsConfig, out: Path) -> None:
     """ArtifactError where `out` holds something else than trials, or the scenes that would be overwritten."""
     if (out / MANIFEST).exists():
         read_manifest(out, "trials")
-    elif not (out / CONFIG).exists() and out.is_dir() and any(not path.name.startswith(".") for path in out.iterdir()):
-        raise ArtifactError(out, "not empty, and holds no trials; use another --out")
+    elif out.is_dir():
+        found = {path.name for path in out.iterdir() if not path.name.startswith(".")}
+        if found and not found & {CONFIG, TRIALS}:
+            raise ArtifactError(out, "not empty, and holds no trials; use another --out")
     if config.scenes.resolve() == (out / SCENES).resolve():
         raise ArtifactError(config.scenes, "would be replaced by the scenes that are tried; use another --out")
 
