@@ -161,6 +161,9 @@ def test_several_sets_of_trials_are_seen_at_a_glance() -> None:
     partly = overview_table({"one": one, "only": only})
     assert partly.rows[1][partly.columns.index("accept-all")] == "-"
     assert partly.rows[-1][partly.columns.index("accept-all")] == "-"
+    other = {**two, "order": ["accept-all"], "reference": "accept-all",
+             "methods": {"accept-all": two["methods"]["accept-all"]}}  # fmt: skip
+    assert [row[0] for row in overview_table({"only": only, "other": other}).rows] == ["only", "other"]
 
 
 def test_a_method_with_fewer_trials_than_others_is_marked() -> None:

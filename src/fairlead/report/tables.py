@@ -102,7 +102,8 @@ def overview_table(summaries: Mapping[str, Summary]) -> Table:
         "Success and mean final error of methods that were tried on the whole set. "
         "Recovery actions: those of the reference, in all."
     )
-    return Table("Overview", columns, (*rows, ("mean", "", *means, "")), note)
+    mean = [("mean", "", *means, "")] if set(means) != {"-"} else []
+    return Table("Overview", columns, (*rows, *mean), note)
 
 
 def _outcome(success: float, error_m: float) -> str:
