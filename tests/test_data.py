@@ -22,7 +22,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fairlead.core import artifacts
-from fairlead.core.artifacts import MANIFEST, read_manifest, sha256
+from fairlead.core.artifacts import MANIFEST, alone, read_manifest, sha256
 from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
 from fairlead.core.records import ActionOutcome
 from fairlead.core.workers import travels
@@ -220,6 +220,12 @@ def test_several_processes_interrupted_go_on_to_the_same_bytes(
     assert not multiprocessing.active_children()
     collect(FakeScenario(), CONFIG, tmp_path / "d")
     assert contents(tmp_path / "d") == contents(dataset)
+
+
+def test_one_process_at_a_time_records_into_a_folder(tmp_path: Path) -> None:
+    with alone(tmp_path / "d"), pytest.raises(ArtifactError, match="another process"):
+        collect(FakeScenario(), CONFIG, tmp_path / "d")
+    assert list((tmp_path / "d").iterdir()) == []
 
 
 def test_a_scenario_that_cannot_travel_stays_in_one_process(tmp_path: Path, dataset: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -85,6 +86,15 @@ def test_mistakes_are_named(tmp_path: Path, path: tuple[Any, ...], junk: Any, na
     _at(value, path[:-1])[path[-1]] = junk
     with pytest.raises(FairleadError, match=names):
         _read(tmp_path, value)
+
+
+def test_a_scene_that_nobody_could_try_is_named_with_its_file(tmp_path: Path) -> None:
+    path, dragging = tmp_path / "outside.json", Dragging()
+    scenes = dragging.scenes(benchmark_scenes("dragging")).scenes[:2]
+    out = replace(scenes[1], rope=tuple((x + 9.0, y, z) for x, y, z in scenes[1].rope))
+    write_scenes(path, "dragging", [scenes[0], out], "a test")
+    with pytest.raises(FileFormatError, match=r"outside\.json: scenes\[1\]: .*outside the arena"):
+        dragging.scenes(path)
 
 
 def test_a_missing_key_is_named_with_what_is_there(tmp_path: Path) -> None:
