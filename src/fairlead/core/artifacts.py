@@ -89,10 +89,12 @@ def alone(folder: Path) -> Generator[None]:
     folder.mkdir(parents=True, exist_ok=True)
     held = os.open(folder, os.O_RDONLY)
     try:
-        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        try:
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            problem = "another process is at work there; wait for it, or choose another folder"
+            raise ArtifactError(folder, problem) from None
         yield
-    except BlockingIOError:
-        raise ArtifactError(folder, "another process is at work there; wait for it, or choose another folder") from None
     finally:
         os.close(held)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING, TypeVar
@@ -45,6 +45,11 @@ class ActionOutcome(Explained):
     ARM_COLLISION = ("arm_collision", "An arm stopped just before a collision.")
     STRETCH = ("stretch", "The motion was undone because it stretched the rope.")
     DIVERGED = ("diverged", "The simulation diverged; the transition is not data.")
+
+
+def ended_in(outcomes: Int[np.ndarray, "*batch"], some: Collection[ActionOutcome]) -> Bool[np.ndarray, "*batch"]:
+    """Which numbers of outcomes are those of some."""
+    return np.isin(outcomes, [outcome.number for outcome in some])
 
 
 class PlanOutcome(Explained):

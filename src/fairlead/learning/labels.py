@@ -21,7 +21,7 @@ from jaxtyping import Bool, Float, Float32, Int
 
 from fairlead.core.errors import FairleadError, UnknownNameError
 from fairlead.core.layout import StateLayout
-from fairlead.core.records import ActionOutcome, Trajectories, Transitions
+from fairlead.core.records import ActionOutcome, Trajectories, Transitions, ended_in
 from fairlead.core.roles import Dynamics, Environment
 from fairlead.geometry.distance import model_error
 from fairlead.learning.rollout import roll_out
@@ -103,7 +103,7 @@ def label(
         raise UnknownNameError("labelling rule", rule, RULES)
     if limit is not None and rng is None:
         raise FairleadError("a limit on examples needs a random stream to choose them with")
-    wanted = ~np.isin(data.outcomes, [outcome.number for outcome in leave_out])
+    wanted = ~ended_in(data.outcomes, leave_out)
     order, found_by = np.argsort(data.scene, kind="stable"), _figure if rule == "figure" else _text
     parts = [
         found_by(dynamics, data, wanted, rows, delta) for rows in np.array_split(order, -(-len(order) // _TRAJECTORIES))

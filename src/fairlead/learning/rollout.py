@@ -13,7 +13,7 @@ from torch import Tensor
 
 from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
-from fairlead.core.records import ActionOutcome, Trajectories
+from fairlead.core.records import ActionOutcome, Trajectories, ended_in
 from fairlead.core.roles import Dynamics, Environment
 from fairlead.geometry.distance import model_error, point_error
 from fairlead.learning.device import CPU
@@ -99,7 +99,7 @@ class Windows:
     def __init__(
         self, data: Trajectories, device: torch.device = CPU, leave_out: Collection[ActionOutcome] = ()
     ) -> None:
-        self._wanted = ~np.isin(data.outcomes, [outcome.number for outcome in leave_out])
+        self._wanted = ~ended_in(data.outcomes, leave_out)
         self.states = torch.from_numpy(np.ascontiguousarray(data.states, np.float32)).to(device)
         self.actions = torch.from_numpy(np.ascontiguousarray(data.actions, np.float32)).to(device)
         self.scene = torch.from_numpy(np.ascontiguousarray(data.scene, np.int64))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from fairlead.core.records import ActionOutcome, Trajectories, Transitions
+from fairlead.core.records import ActionOutcome, Trajectories, Transitions, ended_in
 from fairlead.core.roles import ActionSampler, Dynamics, Environment, TransitionCheck
 
 _SCREEN = 4
@@ -115,7 +115,7 @@ def recovery_examples(
         value[:, t] = np.fmax(value[:, t], discount * value[:, t + 1])
     undone = outcomes == ActionOutcome.STRETCH.number
     label = np.where(undone, share[:, 1:], value[:, 1:])
-    left_out = np.isin(outcomes, [outcome.number for outcome in leave_out])
+    left_out = ended_in(outcomes, leave_out)
     row, t = np.nonzero(is_stuck[:, :-1] & ~left_out)
     source = np.stack([chosen[row], t], axis=1)
     return RecoveryExamples(

@@ -203,6 +203,8 @@ class VoxelTrust(TrustNetwork):
 
 def transformed(vectors: Float[Tensor, "*batch 3"], symmetry: Int[np.ndarray, " 3"]) -> Float[Tensor, "*batch 3"]:
     """Mirror x, mirror y, exchange x and y: each where `symmetry` is 1."""
+    if not symmetry.any():
+        return vectors
     x, y, z = (vectors * vectors.new_tensor([*(1 - 2.0 * symmetry[:2]), 1.0])).unbind(-1)
     return torch.stack([y, x, z] if symmetry[2] else [x, y, z], dim=-1)
 

@@ -67,10 +67,8 @@ def hard_scene(scenario: DualArm, kind: str, rng: np.random.Generator, name: str
         displacement, keep = scenario.sampler.displacements(TOGETHER, rng), np.zeros(TOGETHER, bool)
         for _ in range(ACTIONS):
             displacement = scenario.sampler.redraw(displacement, keep, rng)
-            keep = (
-                world.execute(scenario.sampler.targets(world.observe(), displacement)).outcomes
-                == ActionOutcome.TARGET.number
-            )
+            executed = world.execute(scenario.sampler.targets(world.observe(), displacement))
+            keep = executed.outcomes == ActionOutcome.TARGET.number
         for placed, state in zip(obstacles, world.observe(), strict=True):
             if KINDS[kind](scenario, placed, LAYOUT.points_of(state)):
                 return scenario.scene(name, placed, state, rng)
