@@ -25,8 +25,11 @@ _METHODS = {
     "accept-all": ("#d55e00", "-"),
     "accept-all+arms": ("#d55e00", "--"),
     "full-dynamics": ("#cc79a7", "-"),
+    "full-dynamics+arms": ("#cc79a7", "--"),
     "collision-check": ("#b8860b", "-"),
+    "collision-check+random-recovery": ("#b8860b", ":"),
     "spread-threshold": ("#7b5ea7", "-"),
+    "spread-threshold+arms": ("#7b5ea7", "--"),
     "oracle": ("#667383", "--"),
 }
 _OTHERS = ("#56b4e9", "#882255", "#44aa99", "#aa4499")
