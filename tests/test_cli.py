@@ -115,6 +115,7 @@ REFUSED = {
     ("train", "dynamics", "dragging", *TRAIN, "--delta", "0.1"): "--delta means nothing to train dynamics",
     ("train", "trust", "dragging", *TRAIN, "--dynamics", "d", "--delta", "0"): "delta 0.0: a positive number",
     ("train", "trust", "dragging", *TRAIN, "--dynamics", "d", "--delta", "nan"): "delta nan: a positive number",
+    ("train", "distilled", "dragging", *TRAIN): "train distilled needs --dynamics",
     ("train", "trust", "dragging", *TRAIN): "train trust needs --dynamics",
     ("train", "trust", "dragging", *TRAIN, "--dynamics", "d", "--network", "voxels"): "did you mean 'voxel'",
     ("train", "trust", "dragging", *TRAIN, "--dynamics", "d", "--grid", "paper"): "without --network voxel",

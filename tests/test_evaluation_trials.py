@@ -295,10 +295,16 @@ def test_only_models_that_the_methods_use_belong_to_the_trials(
     assert Trials(replace(changed, methods=("oracle",)), out).missing  # needs no model
 
 
-@pytest.mark.parametrize("change", [{"budget": Budget(seconds=1)}, {"planner": "ompl"}, {"remember": True}])
+ADDED = ("remember", "distilled")
+"""Settings that folders of earlier versions do not mention: off."""
+
+
+@pytest.mark.parametrize(
+    "change", [{"budget": Budget(seconds=1)}, {"planner": "ompl"}, {"remember": True}, {"distilled": True}]
+)
 def test_another_configuration_is_refused(config: TrialsConfig, finished: Path, change: dict[str, Any]) -> None:
     before = (finished / CONFIG).read_text()
-    (finished / CONFIG).write_text(json.dumps({k: v for k, v in json.loads(before).items() if k != "remember"}))
+    (finished / CONFIG).write_text(json.dumps({k: v for k, v in json.loads(before).items() if k not in ADDED}))
     with pytest.raises(ArtifactError, match=next(iter(change))):
         Trials(replace(config, **change), finished)
     assert Trials(config, finished).missing == []

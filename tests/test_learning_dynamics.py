@@ -70,7 +70,7 @@ def test_rows_are_independent_and_spread_is_the_sum_of_deviations(network: str, 
     alone = dynamics.predict(FREE, states[2:3], actions[2:3])
     np.testing.assert_allclose(alone.mean[0], whole.mean[2], atol=1e-5)
     members = torch.tensor(states).float().expand(3, -1, -1), torch.tensor(actions).float().expand(3, -1, -1)
-    predicted = dynamics._module(*members).detach().numpy()
+    predicted = dynamics.module(*members).detach().numpy()
     assert np.abs(predicted[0] - predicted[1]).max() > 1e-4
     np.testing.assert_allclose(whole.mean, predicted.mean(0), atol=1e-6)
     np.testing.assert_allclose(whole.spread, predicted.std(0).sum(-1), atol=1e-5)

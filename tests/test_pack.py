@@ -19,7 +19,8 @@ from fairlead.core.errors import ArtifactError, UnknownNameError
 from fairlead.evaluation import shipped
 from fairlead.evaluation.methods import METHODS, Models, Parts, find_method
 from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
-from fairlead.learning.dynamics import Ensemble
+from fairlead.learning.distilled import Distilled, DistilledConfig
+from fairlead.learning.dynamics import DynamicsConfig, Ensemble
 from fairlead.learning.full_dynamics import FullNetwork
 from fairlead.learning.model_files import Job, save_model
 from fairlead.learning.packing import LOST
@@ -46,9 +47,19 @@ class RecoveryAndTrust:
     trust: TrustConfig
 
 
+@dataclass(frozen=True)
+class DistilledAndDynamics:
+    distilled: DistilledConfig
+    dynamics: DynamicsConfig
+
+
 def write(folder: Path, kind: str, config: Any, module: nn.Module, **metrics: Any) -> None:
     """A model as training writes it."""
-    needs = {"trust": ["dynamics"], "recovery": ["dynamics", folder.name.replace("recovery", "trust")]}.get(kind, [])
+    needs = {
+        "distilled": ["dynamics"],
+        "trust": ["dynamics"],
+        "recovery": ["dynamics", folder.name.replace("recovery", "trust")],
+    }.get(kind, [])
     inputs = {name.removesuffix("-sdf"): sha256(folder.parent / name / MANIFEST) for name in needs}
     job, network = Job(folder, "dragging", 3, inputs), getattr(config, "network", "voxel")
     save_model(job, kind, network, DRAGGING.layout, config, module.state_dict(), metrics, 1.0)
@@ -63,6 +74,8 @@ def models(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     nn.init.normal_(dynamics.get_parameter("network.layers.last.weight"), 0, 0.01)
     write(folder / "dynamics", "dynamics", SMOKE.dynamics, dynamics, delta_m=0.05)
     write(folder / "full-dynamics", "full-dynamics", SMOKE.full_dynamics, FullNetwork(layout, SMOKE.full_dynamics))
+    distilled = Distilled(layout, SMOKE.dynamics, SMOKE.distilled, 1)
+    write(folder / "distilled", "distilled", DistilledAndDynamics(SMOKE.distilled, SMOKE.dynamics), distilled)
     for suffix, config in (("", SMOKE.trust), ("-sdf", SMOKE.trust_sdf)):
         trust = build_network(layout, config, 1)
         both: nn.Module = ChainRecovery(trust) if suffix else FrozenRecovery(trust, SMOKE.recovery.hidden)  # type: ignore[arg-type]
@@ -85,7 +98,7 @@ def change(folder: Path, added: torch.Tensor | float) -> None:
 
 def test_packed_models_are_half_as_large_and_answer_alike(models: Path, tmp_path: Path) -> None:
     packed = pack(models, tmp_path / "packed")
-    assert set(packed) == {"dynamics", "full-dynamics", "trust", "trust-sdf", "recovery", "recovery-sdf"}
+    assert set(packed) == {"dynamics", "distilled", "full-dynamics", "trust", "trust-sdf", "recovery", "recovery-sdf"}
     for name, of in packed.items():
         assert of.halved, name
         assert 0 < of.difference <= LOST[of.kind]

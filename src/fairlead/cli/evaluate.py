@@ -42,6 +42,8 @@ class Command:
     installed."""
     remember: bool = False
     """Keep away from actions that were cut short in the same trial."""
+    distilled: bool = False
+    """Plan with the network that was distilled from the ensemble of dynamics: several times faster."""
     seed: int = 0
     """The first seed of the trials."""
     seeds: int = 1
@@ -84,6 +86,7 @@ class Command:
             reference=self.reference,
             differences=None if self.other is None else Differences.parse(self.other),
             remember=self.remember,
+            distilled=self.distilled,
         )
         trials = Trials(config, self.out)
         with progress_bar(f"{self.scenario} {config.scenes.stem}", len(trials.missing), "trials") as advance:

@@ -13,7 +13,7 @@ COMMANDS = {
     "collect": "record trajectories in a simulated world",
     "data": "look at a dataset: info, verify",
     "scenes": "draw random scenes from a seed, or keep solved ones",
-    "train": "train one model: dynamics, full-dynamics, trust or recovery",
+    "train": "train one model: dynamics, distilled, full-dynamics, trust or recovery",
     "pack": "make trained models ready to travel: smaller, with a card",
     "reproduce": "the whole line: collect, train, try every method, report",
     "demo": "both scenarios with the models that come with Fairlead: a page and videos",

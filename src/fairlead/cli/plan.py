@@ -39,6 +39,8 @@ class Command:
     """Execute in a world other than that of training, as `evaluate` does."""
     remember: bool = False
     """Keep away from actions that were cut short in this trial."""
+    distilled: bool = False
+    """Plan with the network that was distilled from the ensemble of dynamics: several times faster."""
     seed: int = 0
     """Of the trial."""
     video: Path | None = None
@@ -76,7 +78,7 @@ class Command:
         scenes = self.scenes or benchmark_scenes(self.scenario)
         config = TrialsConfig(self.scenario, models, scenes, (self.method,), budget, protocol, self.planner,
                               differences=None if self.other is None else Differences.parse(self.other),
-                              remember=self.remember)  # fmt: skip
+                              remember=self.remember, distilled=self.distilled)  # fmt: skip
         bench = Bench(config)
         scene = bench.scenes.scene(self.scene)
         row = bench.run(Job(self.method, scene.name, self.seed, self.trace))

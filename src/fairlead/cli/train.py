@@ -1,4 +1,4 @@
-"""`fairlead train dynamics|full-dynamics|trust|recovery SCENARIO --data DIR --out DIR`."""
+"""`fairlead train dynamics|distilled|full-dynamics|trust|recovery SCENARIO --data DIR --out DIR`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import tyro
 from fairlead.cli.output import show
 from fairlead.core.cores import cores
 
-NEEDS = {"trust": ("dynamics",), "recovery": ("dynamics", "trust")}
+NEEDS = {"distilled": ("dynamics",), "trust": ("dynamics",), "recovery": ("dynamics", "trust")}
 """The other models that each model is trained on."""
 SETTINGS = {"dynamics": ("network",), "full-dynamics": ("grid",), "trust": ("network", "grid", "delta")}
 """What can be chosen of each."""
@@ -21,7 +21,7 @@ SETTINGS = {"dynamics": ("network",), "full-dynamics": ("grid",), "trust": ("net
 class Command:
     """Train one model. Interrupt it at will: the same command goes on, on a processor to the same weights."""
 
-    model: Annotated[Literal["dynamics", "full-dynamics", "trust", "recovery"], tyro.conf.Positional]
+    model: Annotated[Literal["dynamics", "distilled", "full-dynamics", "trust", "recovery"], tyro.conf.Positional]
     """What to train."""
     scenario: Annotated[str, tyro.conf.Positional]
     """The world, for example `dragging`."""
@@ -32,7 +32,7 @@ class Command:
     first: int | None = None
     """Learn from the first so many trajectories of the dataset; from all by default."""
     dynamics: Path | None = None
-    """Folder of the trained dynamics (trust, recovery)."""
+    """Folder of the trained dynamics (distilled, trust, recovery)."""
     trust: Path | None = None
     """Folder of the trained classifier (recovery)."""
     network: str | None = None
@@ -77,6 +77,8 @@ class Command:
             other = {} if self.network in (None, "mlp") else {"network": self.network}
             config = replace(sizes.dynamics, **wide, **other)
             stages.dynamics(world, data, config, self.out, self.seed)
+        elif self.model == "distilled" and self.dynamics:
+            stages.distilled(world, data, self.dynamics, sizes.distilled, self.out, self.seed)
         elif self.model == "full-dynamics":
             stages.full_dynamics(world, data, replace(sizes.full_dynamics, **grid), self.out, self.seed)
         elif self.model == "trust" and self.dynamics:

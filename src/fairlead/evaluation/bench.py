@@ -70,6 +70,7 @@ class TrialsConfig:
             else the first in the table of methods.
         differences: of the world of execution from that of training.
         remember: keep away from actions that were cut short in the same trial, in planning and recovery.
+        distilled: plan with the network that was distilled from the ensemble.
     """
 
     scenario: str
@@ -85,6 +86,7 @@ class TrialsConfig:
     reference: str | None = None
     differences: Differences | None = None
     remember: bool = False
+    distilled: bool = False
 
     def __post_init__(self) -> None:
         for name in ("methods", "seeds"):
@@ -123,7 +125,7 @@ class Bench:
         self.scenes = self.scenario.scenes(config.scenes)
         self._tried = CutShort(self.scenario.layout)
         planned_for = with_arms_of(self.scenario, config.differences)
-        self.models = Models(config.models, planned_for, self._tried, config.remember)
+        self.models = Models(config.models, planned_for, self._tried, config.remember, config.distilled)
         self._planner: Callable[[SearchSettings], Planner] = plugins.find("planner", config.planner, PLANNERS)
         self._parts = Parts(self.models)
         for method in config.methods:

@@ -13,7 +13,7 @@ from fairlead.core.artifacts import MANIFEST, read_json, read_manifest, sha256
 from fairlead.core.errors import ArtifactError, UnknownNameError
 from fairlead.core.roles import ActionSampler, Dynamics, RecoveryPolicy, TransitionCheck
 from fairlead.learning.packing import PACKED_FROM
-from fairlead.learning.registry import load_check, load_dynamics, load_full_dynamics, load_recovery
+from fairlead.learning.registry import load_check, load_distilled, load_dynamics, load_full_dynamics, load_recovery
 from fairlead.planning.checks import AcceptAll, CollisionCheck, SpreadThreshold
 from fairlead.planning.memory import CutShort, DoubtfulRecovery, UntriedActions
 from fairlead.planning.problem import Problem
@@ -83,13 +83,21 @@ METHODS: dict[str, Method] = {
 class Models:
     """The trained models of a scenario, in the folders of one folder; each is read when a method asks for it.
 
-    Folders: dynamics, full-dynamics, trust, trust-sdf, recovery, recovery-sdf. `hashes` maps the name of each that was
-    asked for to the SHA-256 of its manifest. `sampler` draws the actions of planning and recovery as the scenario does,
-    or, where a trial is to `remember`, keeps away from those that it has `tried`.
+    Folders: dynamics, distilled, full-dynamics, trust, trust-sdf, recovery, recovery-sdf. `hashes` maps the name of
+    each that was asked for to the SHA-256 of its manifest. `sampler` draws the actions of planning and recovery as the
+    scenario does, or, where a trial is to `remember`, keeps away from those that it has `tried`. The learned dynamics
+    are the ensemble, or what was `distilled` from it.
     """
 
-    def __init__(self, folder: Path, scenario: Scenario, tried: CutShort | None = None, remember: bool = False) -> None:
-        self.folder, self.scenario = folder, scenario
+    def __init__(
+        self,
+        folder: Path,
+        scenario: Scenario,
+        tried: CutShort | None = None,
+        remember: bool = False,
+        distilled: bool = False,
+    ) -> None:
+        self.folder, self.scenario, self.distilled = folder, scenario, distilled
         self.tried, self.remember = tried or CutShort(scenario.layout), remember
         self.sampler: ActionSampler = UntriedActions(scenario.sampler, self.tried) if remember else scenario.sampler
         self.hashes: dict[str, str] = {}
@@ -127,10 +135,17 @@ def _hashes(folder: Path) -> tuple[str, str | None]:
 
 
 DYNAMICS: dict[str, Callable[[Models], Dynamics]] = {
-    "learned": lambda models: load_dynamics(models.folder_of("dynamics"), models.scenario.kin),
+    "learned": lambda models: _learned(models),
     "full": lambda models: load_full_dynamics(models.folder_of("full-dynamics"), models.scenario.kin),
 }
 """Besides "simulator", which is built anew for each scene."""
+
+
+def _learned(models: Models) -> Dynamics:
+    if models.distilled:
+        return load_distilled(models.folder_of("distilled"), models.scenario.kin)
+    return load_dynamics(models.folder_of("dynamics"), models.scenario.kin)
+
 
 CHECKS: dict[str, Callable[[Models], TransitionCheck]] = {
     "accept-all": lambda models: AcceptAll(),

@@ -123,6 +123,7 @@ def identity(bench: Bench) -> dict[str, Any]:
         "planner": config.planner,
         "differences": "" if config.differences is None else str(config.differences),
         "remember": config.remember,
+        "distilled": config.distilled,
     }
 
 
@@ -137,7 +138,7 @@ def repair(path: Path) -> None:
 def _merged(out: Path, wanted: dict[str, Any], reference: str | None) -> dict[str, Any]:
     """The folder's configuration with this one's models and reference; ArtifactError where it is another one's."""
     path = out / CONFIG
-    found = {"remember": False, **read_json(path)} if path.exists() else {"models": {}}
+    found = {"remember": False, "distilled": False, **read_json(path)} if path.exists() else {"models": {}}
     if "models" not in found:
         raise ArtifactError(path, "not the configuration of trials; use another --out")
     before, now = ({**config, **config["models"], "models": None} for config in (found, wanted))

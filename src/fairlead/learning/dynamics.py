@@ -6,9 +6,9 @@ Paper, "Learning the unconstrained dynamics" and "Incorporating uncertainty in t
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import final
+from typing import Any, final
 
 import numpy as np
 import torch
@@ -65,7 +65,7 @@ class Ensemble(nn.Module):
 
     def __init__(self, layout: StateLayout, config: DynamicsConfig, seed: int) -> None:
         super().__init__()
-        self.layout, self.planar, self.members = layout, config.planar, config.members
+        self.layout, self.config, self.planar, self.members = layout, config, config.planar, config.members
         self.axes = 2 if config.planar else 3
         shape = Shape(config.members, len(layout.grippers), layout.points, self.axes, config.hidden, config.blocks)
         generator = torch.Generator().manual_seed(stream_seed(seed, "dynamics", "weights"))
@@ -75,6 +75,16 @@ class Ensemble(nn.Module):
         self, states: Float[Tensor, "member batch state"], actions: Float[Tensor, "member batch action"]
     ) -> Float[Tensor, "member batch state"]:
         """The next state that each member predicts for its own rows [m]."""
+        return self.moved(states, *self.local(states, actions))
+
+    def local(
+        self, states: Float[Tensor, "member batch state"], actions: Float[Tensor, "member batch action"]
+    ) -> tuple[
+        Float[Tensor, "member batch position axis"],
+        Float[Tensor, "member batch gripper axis"],
+        Float[Tensor, "member batch axis axis"],
+    ]:
+        """Positions and wanted displacements in the local frame [dm], and its axes as columns."""
         count = len(self.layout.grippers)
         positions = states.unflatten(-1, (-1, 3))
         wanted = actions.unflatten(-1, (-1, 3)) - positions[:, :, :count]
@@ -83,6 +93,16 @@ class Ensemble(nn.Module):
         local = positions - origin
         turn = self._turn(positions, wanted)
         local, wanted = ((x[..., : self.axes] @ turn) / UNIT_M for x in (local, wanted))
+        return local, wanted, turn
+
+    def moved(
+        self,
+        states: Float[Tensor, "member batch state"],
+        local: Float[Tensor, "member batch position axis"],
+        wanted: Float[Tensor, "member batch gripper axis"],
+        turn: Float[Tensor, "member batch axis axis"],
+    ) -> Float[Tensor, "member batch state"]:
+        """The next state [m], from what `local` says of the state and the action."""
         change = UNIT_M * self.network(local, wanted) @ turn.transpose(-1, -2)
         return states + nn.functional.pad(change, (0, 3 - self.axes)).flatten(2)
 
@@ -108,11 +128,11 @@ class LearnedDynamics(Dynamics):
     """The trained ensemble: its mean prediction, and its spread. The environment is ignored."""
 
     def __init__(self, module: Ensemble) -> None:
-        self._module = module
+        self.module = module
 
     @property
     def layout(self) -> StateLayout:
-        return self._module.layout
+        return self.module.layout
 
     def predict(
         self,
@@ -120,10 +140,10 @@ class LearnedDynamics(Dynamics):
         states: Float[np.ndarray, "batch state"],
         actions: Float[np.ndarray, "batch action"],
     ) -> Prediction:
-        members = self._module.members
+        members = self.module.members
         with torch.inference_mode():
-            s, a = (beside(self._module, np.asarray(x, np.float32)) for x in (states, actions))
-            predicted = self._module(s.expand(members, -1, -1), a.expand(members, -1, -1))
+            s, a = (beside(self.module, np.asarray(x, np.float32)) for x in (states, actions))
+            predicted = self.module(s.expand(members, -1, -1), a.expand(members, -1, -1))
             mean = predicted.mean(0)
             spread = (predicted - mean).square().mean(0).sqrt().sum(-1)
         return Prediction(mean.cpu().numpy(), spread.cpu().numpy())
@@ -204,9 +224,13 @@ def train_dynamics(data: Splits, config: DynamicsConfig, job: Job) -> LearnedDyn
     return dynamics
 
 
+def dynamics_config_from(values: Mapping[str, Any]) -> DynamicsConfig:
+    """The configuration as a model's `config.json` has it."""
+    return DynamicsConfig(**{**values, "stages": tuple(Stage(**stage) for stage in values["stages"])})
+
+
 def dynamics_from(model: ModelFile, device: torch.device = CPU) -> LearnedDynamics:
     """The dynamics of a model that was read."""
-    config = DynamicsConfig(**{**model.config, "stages": tuple(Stage(**stage) for stage in model.config["stages"])})
-    module = Ensemble(model.layout, config, 0)
+    module = Ensemble(model.layout, dynamics_config_from(model.config), 0)
     model.load_into(module)
     return LearnedDynamics(module.to(device))

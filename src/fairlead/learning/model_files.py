@@ -31,6 +31,7 @@ from fairlead.learning.fit import CHECKPOINT
 Names = str | tuple[str, ...]
 _KINDS = {
     "dynamics": "Predicts what an action does to the rope where nothing constrains it (an ensemble).",
+    "distilled": "Predicts what the dynamics' ensemble predicts, its spread too: one network, faster to plan with.",
     "full-dynamics": "Predicts what an action does to the rope among obstacles: the baseline that needs no check.",
     "trust": "The probability that a predicted transition is reliable.",
     "recovery": "The probability that an action leads out of a state where no prediction is reliable.",

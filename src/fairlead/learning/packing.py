@@ -15,13 +15,14 @@ from torch import Tensor
 from fairlead.core.artifacts import MANIFEST, Manifest, read_manifest, sha256, write_atomic
 from fairlead.core.records import Transitions
 from fairlead.core.roles import ActionSampler, Dynamics, Environment
+from fairlead.learning.distilled import distilled_from
 from fairlead.learning.dynamics import dynamics_from
 from fairlead.learning.full_dynamics import full_dynamics_from
 from fairlead.learning.model_files import ModelFile, model_card, read_model
 from fairlead.learning.recovery import LearnedRecovery, recovery_from
 from fairlead.learning.trust import LearnedCheck, check_from
 
-LOST = {"dynamics": 2e-4, "full-dynamics": 2e-4, "trust": 0.01, "recovery": 0.01}
+LOST = {"dynamics": 2e-4, "distilled": 2e-4, "full-dynamics": 2e-4, "trust": 0.01, "recovery": 0.01}
 """The largest difference that half precision may make: to a predicted coordinate or a spread [m]; to a probability."""
 PACKED_FROM = "packed_from"
 """Key in a manifest's `extra`: the hash of the manifest of the model that this one was packed from."""
@@ -70,7 +71,7 @@ def pack_model(folder: Path, scenario: str, sampler: ActionSampler, probes: Sequ
     for name in ("config.json", "metrics.json"):
         write_atomic(out / name, (folder / name).read_bytes())
     origin = sha256(folder / MANIFEST)
-    unit = "m" if kind in ("dynamics", "full-dynamics") else "of probability"
+    unit = "m" if kind in ("dynamics", "distilled", "full-dynamics") else "of probability"
     note = (
         "## Packed\n"
         f"- weights in {'half' if halved else 'single'} precision; half "
@@ -124,6 +125,7 @@ def _recovering(policy: LearnedRecovery) -> Answer:
 
 _ANSWERS: Mapping[str, Callable[[ModelFile, ActionSampler], Answer]] = {
     "dynamics": lambda model, sampler: _predicting(dynamics_from(model)),
+    "distilled": lambda model, sampler: _predicting(distilled_from(model)),
     "full-dynamics": lambda model, sampler: _predicting(full_dynamics_from(model)),
     "trust": lambda model, sampler: _trusting(check_from(model)),
     "recovery": lambda model, sampler: _recovering(recovery_from(model, sampler)),

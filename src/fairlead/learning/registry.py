@@ -9,7 +9,8 @@ import torch
 from fairlead.core.errors import FairleadError
 from fairlead.core.roles import ActionSampler, Dynamics
 from fairlead.learning.device import CPU
-from fairlead.learning.dynamics import dynamics_from
+from fairlead.learning.distilled import distilled_from
+from fairlead.learning.dynamics import LearnedDynamics, dynamics_from
 from fairlead.learning.full_dynamics import full_dynamics_from
 from fairlead.learning.model_files import Names, read_model
 from fairlead.learning.recovery import LearnedRecovery, recovery_from
@@ -23,9 +24,14 @@ def use_threads(count: int) -> None:
     torch.set_num_threads(count)
 
 
-def load_dynamics(folder: Path, scenario: Names, device: torch.device = CPU) -> Dynamics:
+def load_dynamics(folder: Path, scenario: Names, device: torch.device = CPU) -> LearnedDynamics:
     """The unconstrained dynamics in `folder`, trained for `scenario`."""
     return dynamics_from(read_model(folder, "dynamics", scenario), device)
+
+
+def load_distilled(folder: Path, scenario: Names) -> Dynamics:
+    """The distilled dynamics in `folder`, trained for `scenario`."""
+    return distilled_from(read_model(folder, "distilled", scenario))
 
 
 def load_full_dynamics(folder: Path, scenario: Names) -> Dynamics:

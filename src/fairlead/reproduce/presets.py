@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from fairlead.core.budget import Budget
 from fairlead.core.errors import UnknownNameError
 from fairlead.evaluation.bench import SHORT
+from fairlead.learning.distilled import DistilledConfig
 from fairlead.learning.dynamics import DynamicsConfig
 from fairlead.learning.fit import Stage
 from fairlead.learning.full_dynamics import FullDynamicsConfig
@@ -45,7 +46,7 @@ class Preset:
         full: trajectories of phase 2 that the full dynamics learn from, mostly the same and more: as many transitions
             as both phases have together, but for `smoke`.
         steps2: actions in a trajectory of phase 2; 0 for the paper's.
-        dynamics, full_dynamics, trust, trust_sdf, recovery, recovery_sdf: of the models.
+        dynamics, distilled, full_dynamics, trust, trust_sdf, recovery, recovery_sdf: of the models.
         methods: what is tried, the first compared with the others.
         budget: of each trial.
         planner: of every method on the sets of scenes. Tasks and other deltas are tried with the paper's, "rrt".
@@ -68,6 +69,7 @@ class Preset:
     phase2: int
     full: int
     dynamics: DynamicsConfig
+    distilled: DistilledConfig
     full_dynamics: FullDynamicsConfig
     trust: TrustConfig
     trust_sdf: TrustConfig
@@ -97,6 +99,7 @@ _SOME: Mapping[str, int | None] = {"benchmark": 16, "hard": 16}
 _SMOKE = Preset(
     phase1=32, phase2=32, full=16, steps2=8,
     dynamics=DynamicsConfig(hidden=32, blocks=1, stages=(Stage(4, 64), Stage(2, 64, 3e-4, 4))),
+    distilled=DistilledConfig(samples=512, hidden=8, stages=(Stage(1, 64, 5e-4),)),
     full_dynamics=FullDynamicsConfig(hidden=32, stages=(Stage(1, 64),)),
     trust=TrustConfig("voxel", hidden=16, limit=200, stages=(Stage(1, 32),)),
     trust_sdf=TrustConfig("sdf", hidden=8, limit=1000, stages=(Stage(2, 128),)),
@@ -110,6 +113,7 @@ _SMOKE = Preset(
 _DESK = Preset(
     phase1=1536, phase2=320, full=627,
     dynamics=DynamicsConfig(stages=(Stage(40, 128, 2e-3), Stage(3, 128, 5e-4, 4))),
+    distilled=DistilledConfig(samples=100_000),
     full_dynamics=FullDynamicsConfig(stages=(Stage(6, 64), Stage(1, 64, 3e-4, 4))),
     trust=TrustConfig("voxel", hidden=128, limit=12_000, stages=(Stage(4, 64),)),
     trust_sdf=TrustConfig("sdf", limit=100_000, stages=(Stage(4, 256),)),
@@ -123,6 +127,7 @@ _DESK = Preset(
 _PAPER = Preset(
     phase1=6144, phase2=2048, full=3277,
     dynamics=DynamicsConfig(stages=(Stage(40, 128, 2e-3), Stage(10, 128, 5e-4, 4))),
+    distilled=DistilledConfig(),
     full_dynamics=FullDynamicsConfig(stages=(Stage(8, 64), Stage(1, 64, 3e-4, 4))),
     trust=TrustConfig("voxel", hidden=128, limit=50_000, stages=(Stage(4, 64),)),
     trust_sdf=TrustConfig("sdf", delta_m=0.065, limit=400_000, stages=(Stage(6, 512),)),
@@ -136,6 +141,7 @@ _PAPER = Preset(
 _DUAL_SMOKE = Preset(
     phase1=16, phase2=16, full=16, steps2=4,
     dynamics=DynamicsConfig(hidden=32, blocks=1, planar=False, stages=(Stage(4, 64), Stage(2, 64, 3e-4, 4))),
+    distilled=DistilledConfig(samples=512, hidden=8, stages=(Stage(1, 64, 5e-4),)),
     full_dynamics=FullDynamicsConfig(hidden=32, planar=False, grid=COARSE_GRID_3D, stages=(Stage(1, 32),)),
     trust=TrustConfig("voxel", planar=False, delta_m=0.1, hidden=16, grid=COARSE_GRID_3D, limit=64,
                       stages=(Stage(1, 32),)),
@@ -149,6 +155,7 @@ _DUAL_SMOKE = Preset(
 _DUAL_DESK = Preset(
     phase1=1024, phase2=512, full=1024,
     dynamics=DynamicsConfig(planar=False, stages=(Stage(40, 128, 2e-3), Stage(4, 128, 5e-4, 4))),
+    distilled=DistilledConfig(samples=100_000),
     full_dynamics=FullDynamicsConfig(planar=False, grid=COARSE_GRID_3D, stages=(Stage(8, 64),)),
     trust=TrustConfig("voxel", planar=False, delta_m=0.025, hidden=128, grid=COARSE_GRID_3D, limit=25_000,
                       stages=(Stage(3, 64),)),
@@ -163,6 +170,7 @@ _DUAL_DESK = Preset(
 _DUAL_PAPER = Preset(
     phase1=2048, phase2=5996, full=7020,
     dynamics=DynamicsConfig(planar=False, stages=(Stage(80, 128, 2e-3), Stage(10, 128, 5e-4, 4))),
+    distilled=DistilledConfig(),
     full_dynamics=FullDynamicsConfig(planar=False, grid=COARSE_GRID_3D, stages=(Stage(6, 64), Stage(1, 64, 3e-4, 4))),
     trust=TrustConfig("voxel", planar=False, delta_m=0.025, hidden=128, grid=COARSE_GRID_3D, limit=100_000,
                       stages=(Stage(2, 64),)),

@@ -12,6 +12,7 @@ from fairlead.core.errors import ArtifactError
 from fairlead.data.shards import SPLITS
 from fairlead.data.store import load
 from fairlead.evaluation.evidence import write_evidence
+from fairlead.learning.distilled import DistilledConfig, train_distilled
 from fairlead.learning.dynamics import DynamicsConfig, train_dynamics
 from fairlead.learning.full_dynamics import FullDynamicsConfig, train_full_dynamics
 from fairlead.learning.model_files import Job
@@ -76,7 +77,7 @@ def finished(folder: Path, config: Any, inputs: Mapping[str, Data], seed: int) -
     manifest = read_manifest(folder, "model")
     verify_files(folder, manifest)
     values = manifest.config["config"]
-    found = {"settings": values.get("recovery", values), "inputs": manifest.inputs, "seed": manifest.seed}
+    found = {"settings": values.get(manifest.config["kind"], values), "inputs": manifest.inputs, "seed": manifest.seed}
     wanted = {"settings": _plain(asdict(config)), "inputs": _hashes(inputs), "seed": seed}
     for name, value in wanted.items():
         if found[name] != value:
@@ -129,6 +130,16 @@ def dynamics(scenario: Scenario, data: Data, config: DynamicsConfig, out: Path, 
     """Train the unconstrained dynamics on phase 1 data."""
     train_once(scenario, out, config, {"data": data}, seed,
                lambda job: train_dynamics(splits(data, scenario, 1), config, job))  # fmt: skip
+
+
+def distilled(scenario: Scenario, data: Data, dynamics: Path, config: DistilledConfig, out: Path, seed: int) -> None:
+    """Distil the dynamics on the states of phase 2 data."""
+
+    def train(job: Job) -> None:
+        ensemble = load_dynamics(dynamics, scenario.kin, job.device)
+        train_distilled(ensemble, splits(data, scenario, 2), scenario.sampler, config, job)
+
+    train_once(scenario, out, config, {"data": data, "dynamics": dynamics}, seed, train)
 
 
 def full_dynamics(scenario: Scenario, data: Data, config: FullDynamicsConfig, out: Path, seed: int) -> None:
