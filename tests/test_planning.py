@@ -26,14 +26,15 @@ from fairlead.planning.ompl import OmplRRT
 from fairlead.planning.problem import Planner, Problem, SearchSettings
 from fairlead.planning.relaxed import Relaxed
 from fairlead.planning.rrt import BatchedRRT
+from fairlead.planning.several import Several
 from fairlead.planning.shorten import Shortened, expected_length
 from toy import BAR, LAYOUT, SAMPLER, BrokenChain, FreeChain, Given, arena, problem, straight, tail_goal
 
 PLANNERS = [BatchedRRT(), BatchedRRT(lanes=7, candidates=20), OmplRRT(), ToTheMiddle(Shortened(BatchedRRT(lanes=7))),
-            Relaxed(BatchedRRT())]  # fmt: skip
-NAMES = ["batched", "seven-lanes", "ompl", "middle-short", "relaxed"]
+            Several(BatchedRRT()), Relaxed(BatchedRRT())]  # fmt: skip
+NAMES = ["batched", "seven-lanes", "ompl", "middle-short", "several", "relaxed"]
 each_planner = pytest.mark.parametrize("planner", PLANNERS, ids=NAMES)
-each_of_one_attempt = pytest.mark.parametrize("planner", PLANNERS[:-1], ids=NAMES[:-1])
+each_of_one_attempt = pytest.mark.parametrize("planner", PLANNERS[:-2], ids=NAMES[:-2])
 
 
 def like(planner: Planner, settings: SearchSettings) -> Planner:
@@ -399,3 +400,45 @@ def test_a_stuck_start_is_left_to_recovery() -> None:
 def test_what_no_check_vouches_for_is_no_threshold(wrong: tuple[float, ...]) -> None:
     with pytest.raises(FairleadError, match="thresholds"):
         Relaxed(BatchedRRT(), wrong)
+
+
+@settings(max_examples=8, deadline=None)
+@given(seed=st.integers(0, 2**32))
+def test_of_several_plans_the_shortest_is_kept_and_all_are_paid_for(seed):
+    task, spent = replace(problem(arena(BAR), tail_goal(0.5, 0.1)), check=Slope()), meter()
+    rng, plans = stream(seed), []
+    plan = Several(BatchedRRT(), 1000).plan(task, START, spent, stream(seed))
+    while sum(p.extensions for p in plans) < plan.extensions:
+        plans.append(BatchedRRT().plan(task, START, meter(), rng))
+    assert spent.extensions == plan.extensions == sum(p.extensions for p in plans)
+    reached = [p for p in plans if p.outcome is PlanOutcome.GOAL]
+    best = min(reached, key=lambda p: expected_length(p, task))
+    assert np.array_equal(plan.actions, best.actions)
+    assert 1000 * len(best) <= plan.extensions
+
+
+def test_several_plans_are_better_than_one_where_the_first_is_long():
+    task = replace(problem(arena(BAR), tail_goal(0.5, 0.1)), check=Slope())
+    one, many = (
+        np.mean([expected_length(planner.plan(task, START, meter(), stream(seed)), task) for seed in range(10)])
+        for planner in (BatchedRRT(), Several(BatchedRRT(), 1000))
+    )
+    assert many < 0.8 * one
+
+
+def test_there_is_one_attempt_where_it_fails_or_its_plan_is_short():
+    for goal, check, extensions in (
+        (tail_goal(0.3, 0.0, 0.1), Doubtful(0.9, 0.2), 500),
+        (tail_goal(-0.6, 0.2, 0.1), AcceptAll(), 1),
+    ):
+        task = replace(problem(arena(), goal), check=check)
+        alone = BatchedRRT(FEW).plan(task, START, meter(), stream(0))
+        same = Several(BatchedRRT(FEW), extensions).plan(task, START, meter(), stream(0))
+        assert len(alone)
+        assert np.array_equal(same.actions, alone.actions)
+        assert same.extensions == alone.extensions
+
+
+def test_several_needs_a_positive_number_of_extensions():
+    with pytest.raises(FairleadError, match="extensions 0"):
+        Several(BatchedRRT(), 0)

@@ -25,6 +25,7 @@ from fairlead.planning.ompl import OmplRRT
 from fairlead.planning.problem import PAPER, Planner, Problem, SearchSettings
 from fairlead.planning.relaxed import Relaxed
 from fairlead.planning.rrt import BatchedRRT
+from fairlead.planning.several import Several
 from fairlead.planning.shorten import Shortened
 from fairlead.scenarios.other_world import Differences, other_world, with_arms_of
 from fairlead.scenarios.registry import scenario as find_scenario
@@ -32,8 +33,8 @@ from fairlead.scenarios.scene_files import Scene
 
 Row = dict[str, Any]
 
-SHORT, RELAXED = "rrt-middle-short", "rrt-middle-short-relaxed"
-"""The best planners we know, and not the paper's: the first for a demo or a desk, the second where success is all."""
+SHORT, RELAXED, BEST = "rrt-middle-short", "rrt-middle-short-relaxed", "rrt-best"
+"""The best planners we know, and not the paper's: the first for a demo or a desk, the others where success is all."""
 
 
 def _short(settings: SearchSettings) -> Planner:
@@ -46,6 +47,7 @@ PLANNERS: dict[str, Callable[[SearchSettings], Planner]] = {
     "rrt-short": _short,
     SHORT: lambda settings: ToTheMiddle(_short(settings)),
     RELAXED: lambda settings: Relaxed(ToTheMiddle(_short(settings))),
+    BEST: lambda settings: Relaxed(Several(ToTheMiddle(_short(settings)))),
     "ompl": OmplRRT,
 }
 """Called with the limits of a planning attempt. Others come by entry points in `fairlead.planners`."""
