@@ -100,20 +100,6 @@ def test_a_tree_keeps_what_it_was_given_however_it_grows(sizes, seed):
     assert found[0] == tree.best or len(tree) > 10
 
 
-@given(size=st.integers(0, 400), among=st.integers(1, 300), seed=seeds)
-@settings(max_examples=20)
-def test_the_promising_nodes_are_those_nearest_to_the_goal(size, among, seed):
-    rng, task = np.random.default_rng(seed), problem(arena(), tail_goal(0.3, 0.3))
-    tree, states = Tree(task, straight(0, 0)), rng.normal(size=(size, LAYOUT.state_size))
-    tried = Tried(states, np.zeros((size, 1), np.float32), np.ones(size), np.ones(size, bool), 0)
-    tree.add(np.zeros(size, int), np.zeros((size, 3)), tried, tried.accepted)
-    errors = task.goal.error(tree.states)
-    nodes = tree.promising(5000, among, rng)
-    assert (errors[nodes] <= np.sort(errors)[min(among, len(tree)) - 1]).all()
-    assert len(np.unique(nodes)) <= among
-    assert len(np.unique(tree.promising(5000, 3, rng))) == min(3, len(tree))
-
-
 def test_among_a_sample_the_best_node_is_always_a_candidate():
     rng = np.random.default_rng(0)
     task = problem(arena(), tail_goal(0.3, 0.3))

@@ -35,12 +35,10 @@ Row = dict[str, Any]
 
 SHORT, RELAXED, BEST = "rrt-middle-short", "rrt-middle-short-relaxed", "rrt-best"
 """The best planners we know, and not the paper's: the first for a demo or a desk, the others where success is all."""
-PROMISING = 0.5
-"""Share of the best planner's extensions that begin where the goal is near."""
 
 
-def _short(settings: SearchSettings, promising: float = 0.0) -> Planner:
-    return Shortened(BatchedRRT(settings.scaled(0.8), promising=promising), settings)
+def _short(settings: SearchSettings) -> Planner:
+    return Shortened(BatchedRRT(settings.scaled(0.8)), settings)
 
 
 PLANNERS: dict[str, Callable[[SearchSettings], Planner]] = {
@@ -49,7 +47,7 @@ PLANNERS: dict[str, Callable[[SearchSettings], Planner]] = {
     "rrt-short": _short,
     SHORT: lambda settings: ToTheMiddle(_short(settings)),
     RELAXED: lambda settings: Relaxed(ToTheMiddle(_short(settings))),
-    BEST: lambda settings: Relaxed(Several(ToTheMiddle(_short(settings, PROMISING)))),
+    BEST: lambda settings: Relaxed(Several(ToTheMiddle(_short(settings)))),
     "ompl": OmplRRT,
 }
 """Called with the limits of a planning attempt. Others come by entry points in `fairlead.planners`."""

@@ -17,9 +17,6 @@ from fairlead.planning.problem import PAPER, Allowance, Planner, Problem, Search
 from fairlead.planning.targets import Targets
 from fairlead.planning.tree import Tree
 
-PROMISING = 100
-"""How many nodes nearest to the goal there are to begin at."""
-
 
 @final
 class BatchedRRT(Planner):
@@ -32,25 +29,19 @@ class BatchedRRT(Planner):
         settings: what it shares with every planner.
         lanes: transitions in a batch.
         candidates: nearest nodes are looked for among at most this many random nodes.
-        promising: share of extensions that begin not at the node nearest to a target, but at one of the `PROMISING`
-            nodes that are nearest to the goal (docs/adr/0016); not in the paper.
     """
 
-    def __init__(
-        self, settings: SearchSettings = PAPER, lanes: int = 128, candidates: int = 1024, promising: float = 0.0
-    ) -> None:
+    def __init__(self, settings: SearchSettings = PAPER, lanes: int = 128, candidates: int = 1024) -> None:
         if min(lanes, candidates) < 1:
             raise FairleadError("lanes and candidates must be positive")
-        if not 0 <= promising <= 1:
-            raise FairleadError(f"promising {promising}: a share is needed")
-        self.settings, self.lanes, self.candidates, self.promising = settings, lanes, candidates, promising
+        self.settings, self.lanes, self.candidates = settings, lanes, candidates
 
     def plan(
         self, problem: Problem, start: Float[np.ndarray, " state"], meter: Meter, rng: np.random.Generator
     ) -> Plan:
         settings, allowance, before = self.settings, Allowance(self.settings, meter), meter.extensions
         tree = Tree(problem, start, self.candidates)
-        lanes = _Lanes(self, problem, tree, Targets(problem, start, settings.goal_bias), rng)
+        lanes = _Lanes(problem, tree, Targets(problem, start, settings.goal_bias), settings.repeats, self.lanes, rng)
         outcome = PlanOutcome.GOAL if tree.goal_reached else None
         while outcome is None:
             tried = meter.extensions - before
@@ -70,10 +61,9 @@ class _Lanes:
     """The extensions under way: the node each has reached, its next action, and how many steps it has left."""
 
     def __init__(
-        self, planner: BatchedRRT, problem: Problem, tree: Tree, targets: Targets, rng: np.random.Generator
+        self, problem: Problem, tree: Tree, targets: Targets, repeats: int, lanes: int, rng: np.random.Generator
     ) -> None:
-        self._planner, self._problem, self._tree, self._targets, self._rng = planner, problem, tree, targets, rng
-        lanes = planner.lanes
+        self._problem, self._tree, self._targets, self._repeats, self._rng = problem, tree, targets, repeats, rng
         self._nodes = np.zeros(lanes, np.int64)
         self._actions = np.zeros((lanes, problem.layout.action_size))
         self._left = np.zeros(lanes, np.int64)
@@ -99,9 +89,6 @@ class _Lanes:
             return
         targets = self._targets.sample(len(ended), self._rng)
         nodes = self._tree.nearest(targets, self._rng)
-        if self._planner.promising:
-            some = self._rng.random(len(ended)) < self._planner.promising
-            nodes[some] = self._tree.promising(int(some.sum()), PROMISING, self._rng)
         self._nodes[ended] = nodes
         self._actions[ended] = self._problem.sampler.propose(self._tree.states[nodes], self._rng)
-        self._left[ended] = self._rng.integers(1, self._planner.settings.repeats, len(ended), endpoint=True)
+        self._left[ended] = self._rng.integers(1, self._repeats, len(ended), endpoint=True)

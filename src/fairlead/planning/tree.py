@@ -38,7 +38,6 @@ class Tree:
             "encodings": encoding,
             "keys": keys,
             "norms": self._metric.norms(keys),
-            "errors": self._goal.error(root),
         }
         self._size, self._capacity = 1, 1
         self.best, self.best_error = 0, float(self._goal.error(root)[0])
@@ -69,21 +68,20 @@ class Tree:
         rows: Bool[np.ndarray, " batch"],
     ) -> Int[np.ndarray, " accepted"]:
         """Add the transitions marked in `rows`, each from its parent; returns the new nodes."""
-        first, last = self._size, self._size + int(rows.sum())
-        if first == last:
-            return np.arange(first, last)
         states = np.asarray(tried.next_states[rows], float)
-        keys, errors = states.astype(np.float32), self._goal.error(states)
+        keys = states.astype(np.float32)
+        first, last = self._size, self._size + len(states)
         self._reserve(last)
         new = {"states": states, "actions": actions[rows], "parents": parents[rows], "trust": tried.trust[rows],
-               "encodings": tried.encodings[rows], "keys": keys, "norms": self._metric.norms(keys),
-               "errors": errors}  # fmt: skip
+               "encodings": tried.encodings[rows], "keys": keys, "norms": self._metric.norms(keys)}  # fmt: skip
         for name, values in new.items():
             self._columns[name][first:last] = values
         self._size = last
-        least = int(errors.argmin())
-        if errors[least] < self.best_error:
-            self.best, self.best_error = first + least, float(errors[least])
+        if len(states):
+            errors = self._goal.error(states)
+            least = int(errors.argmin())
+            if errors[least] < self.best_error:
+                self.best, self.best_error = first + least, float(errors[least])
         return np.arange(first, last)
 
     def _reserve(self, size: int) -> None:
@@ -108,12 +106,6 @@ class Tree:
         sample = rng.integers(self._size, size=self._candidates)
         sample[0] = self.best
         return sample[self._metric.nearest(targets.astype(np.float32), keys[sample], norms[sample])]
-
-    def promising(self, count: int, among: int, rng: np.random.Generator) -> Int[np.ndarray, " count"]:
-        """Random ones of the nodes with the least goal error, `among` so many of them."""
-        errors = self._columns["errors"][: self._size]
-        among = min(among, self._size)
-        return np.argpartition(errors, among - 1)[:among][rng.integers(among, size=count)]
 
     def plan(self, outcome: PlanOutcome, extensions: int, invalid: int) -> Plan:
         """The plan that leads from the start to the best node."""
