@@ -29,6 +29,7 @@ from fairlead.core.artifacts import (
     read_manifest,
     sha256,
     verify_files,
+    write_json,
 )
 from fairlead.core.budget import Budget
 from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
@@ -37,10 +38,11 @@ from fairlead.core.traces import EVENTS, read_trace
 from fairlead.evaluation import trials
 from fairlead.evaluation.bench import PLANNERS, Bench, TrialsConfig, scaled
 from fairlead.evaluation.bench import Job as Trial
-from fairlead.evaluation.methods import CHECKS, DYNAMICS, METHODS, RECOVERIES, find_method
+from fairlead.evaluation.methods import CHECKS, DYNAMICS, METHODS, RECOVERIES, Parts, find_method
 from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
 from fairlead.evaluation.solved import solved_scenes
-from fairlead.evaluation.trials import CONFIG, SCENES, SUMMARY, TRIALS, Trials, repair
+from fairlead.evaluation.trials import CONFIG, OFF, SCENES, SUMMARY, TRIALS, Trials, repair
+from fairlead.learning.distilled import Distilled, DistilledConfig, DistilledDynamics, Saved
 from fairlead.learning.dynamics import DynamicsConfig, Ensemble
 from fairlead.learning.model_files import Job, save_model
 from fairlead.planning.problem import PAPER, SearchSettings
@@ -67,6 +69,11 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> TrialsConfig:
     tensors = Ensemble(world.layout, settings, 0).state_dict()
     job = Job(folder / "models" / "dynamics", "dragging")
     save_model(job, "dynamics", settings.network, world.layout, settings, tensors, {"delta_m": 0.1}, 0.0)
+    small = Distilled(world.layout, settings, DistilledConfig(), 0)
+    both = Saved(DistilledConfig(), settings)
+    inputs = {"dynamics": sha256(job.folder / MANIFEST)}
+    save_model(Job(folder / "models" / "distilled", "dragging", 0, inputs), "distilled", settings.network, world.layout,
+               both, small.state_dict(), {}, 0.0)  # fmt: skip
     methods = ("collision-check", "accept-all")
     return TrialsConfig("dragging", folder / "models", folder / "made.json", methods, Budget(extensions=300), traced=1)
 
@@ -295,21 +302,43 @@ def test_only_models_that_the_methods_use_belong_to_the_trials(
     assert Trials(replace(changed, methods=("oracle",)), out).missing  # needs no model
 
 
-ADDED = ("remember", "distilled")
-"""Settings that folders of earlier versions do not mention: off."""
-
-
 @pytest.mark.parametrize(
     "change", [{"budget": Budget(seconds=1)}, {"planner": "ompl"}, {"remember": True}, {"distilled": True}]
 )
 def test_another_configuration_is_refused(config: TrialsConfig, finished: Path, change: dict[str, Any]) -> None:
-    before = (finished / CONFIG).read_text()
-    (finished / CONFIG).write_text(json.dumps({k: v for k, v in json.loads(before).items() if k not in ADDED}))
-    with pytest.raises(ArtifactError, match=next(iter(change))):
+    with pytest.raises(ArtifactError, match=f"another '{next(iter(change))}'"):
         Trials(replace(config, **change), finished)
     assert Trials(config, finished).missing == []
     assert (finished / MANIFEST).exists()
-    (finished / CONFIG).write_text(before)
+
+
+def test_a_finished_folder_of_an_earlier_version_stays_as_it_is(
+    config: TrialsConfig, finished: Path, tmp_path: Path
+) -> None:
+    """It does not mention the settings that were added since, and has them off."""
+    out = tmp_path / "trials"
+    shutil.copytree(finished, out)
+    write_json(out / CONFIG, {key: value for key, value in read_json(out / CONFIG).items() if key not in OFF})
+    manifest = read_json(out / MANIFEST)
+    manifest["files"][CONFIG] = sha256(out / CONFIG)
+    write_json(out / MANIFEST, manifest)
+    before = {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}
+    Trials(config, out).run()
+    assert {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()} == before
+    with pytest.raises(ArtifactError, match="another 'distilled'"):
+        Trials(replace(config, distilled=True), out)
+
+
+def test_distilled_dynamics_plan_in_the_place_of_the_ensemble(config: TrialsConfig, finished: Path) -> None:
+    bench = Bench(replace(config, distilled=True))
+    assert set(bench.models.hashes) == {"dynamics", "distilled"}
+    dynamics, *_ = Parts(bench.models).build(find_method("accept-all"), bench.scenes.scenes[0])
+    assert isinstance(dynamics, DistilledDynamics)
+    with pytest.raises(FairleadError, match="--distilled means nothing"):
+        replace(config, methods=("oracle",), distilled=True)
+    with pytest.raises(ArtifactError, match="no finished model; leave out --distilled"):
+        Bench(replace(config, models=shipped_models("dual_arm"), scenario="dual_arm",
+                      scenes=benchmark_scenes("dual_arm"), distilled=True))  # fmt: skip
 
 
 def test_a_folder_of_something_else_is_left_as_it_is(config: TrialsConfig, tmp_path: Path) -> None:

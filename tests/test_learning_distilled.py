@@ -75,7 +75,7 @@ def test_it_comes_nearer_to_the_ensemble_than_a_member_is_and_is_the_same_from_d
         load_distilled(tmp_path / "distilled", "dual_arm")
 
 
-def test_rows_are_independent_and_the_spread_is_positive(tmp_path: Path) -> None:
+def test_rows_are_independent_and_the_spread_is_positive() -> None:
     dynamics = DistilledDynamics(Distilled(LAYOUT, ensemble().module.config, CONFIG, 0).eval())
     states, actions = transitions(7, 2)
     whole, alone = (dynamics.predict(FREE, states[s], actions[s]) for s in (slice(None), slice(3, 4)))

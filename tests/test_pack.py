@@ -19,8 +19,8 @@ from fairlead.core.errors import ArtifactError, UnknownNameError
 from fairlead.evaluation import shipped
 from fairlead.evaluation.methods import METHODS, Models, Parts, find_method
 from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
-from fairlead.learning.distilled import Distilled, DistilledConfig
-from fairlead.learning.dynamics import DynamicsConfig, Ensemble
+from fairlead.learning.distilled import Distilled, DistilledConfig, Saved
+from fairlead.learning.dynamics import Ensemble
 from fairlead.learning.full_dynamics import FullNetwork
 from fairlead.learning.model_files import Job, save_model
 from fairlead.learning.packing import LOST
@@ -47,12 +47,6 @@ class RecoveryAndTrust:
     trust: TrustConfig
 
 
-@dataclass(frozen=True)
-class DistilledAndDynamics:
-    distilled: DistilledConfig
-    dynamics: DynamicsConfig
-
-
 def write(folder: Path, kind: str, config: Any, module: nn.Module, **metrics: Any) -> None:
     """A model as training writes it."""
     needs = {
@@ -74,8 +68,9 @@ def models(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     nn.init.normal_(dynamics.get_parameter("network.layers.last.weight"), 0, 0.01)
     write(folder / "dynamics", "dynamics", SMOKE.dynamics, dynamics, delta_m=0.05)
     write(folder / "full-dynamics", "full-dynamics", SMOKE.full_dynamics, FullNetwork(layout, SMOKE.full_dynamics))
-    distilled = Distilled(layout, SMOKE.dynamics, SMOKE.distilled, 1)
-    write(folder / "distilled", "distilled", DistilledAndDynamics(SMOKE.distilled, SMOKE.dynamics), distilled)
+    small = DistilledConfig(hidden=8)
+    distilled = Distilled(layout, SMOKE.dynamics, small, 1)
+    write(folder / "distilled", "distilled", Saved(small, SMOKE.dynamics), distilled)
     for suffix, config in (("", SMOKE.trust), ("-sdf", SMOKE.trust_sdf)):
         trust = build_network(layout, config, 1)
         both: nn.Module = ChainRecovery(trust) if suffix else FrozenRecovery(trust, SMOKE.recovery.hidden)  # type: ignore[arg-type]

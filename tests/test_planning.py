@@ -415,6 +415,8 @@ def test_of_several_plans_the_shortest_is_kept_and_all_are_paid_for(seed):
     best = min(reached, key=lambda p: expected_length(p, task))
     assert np.array_equal(plan.actions, best.actions)
     assert 1000 * len(best) <= plan.extensions
+    if before := [p for p in plans[:-1] if p.outcome is PlanOutcome.GOAL]:
+        assert plan.extensions - plans[-1].extensions < 1000 * len(min(before, key=lambda p: expected_length(p, task)))
 
 
 def test_several_plans_are_better_than_one_where_the_first_is_long():
@@ -426,17 +428,18 @@ def test_several_plans_are_better_than_one_where_the_first_is_long():
     assert many < 0.8 * one
 
 
-def test_there_is_one_attempt_where_it_fails_or_its_plan_is_short():
-    for goal, check, extensions in (
-        (tail_goal(0.3, 0.0, 0.1), Doubtful(0.9, 0.2), 500),
-        (tail_goal(-0.6, 0.2, 0.1), AcceptAll(), 1),
-    ):
-        task = replace(problem(arena(), goal), check=check)
-        alone = BatchedRRT(FEW).plan(task, START, meter(), stream(0))
-        same = Several(BatchedRRT(FEW), extensions).plan(task, START, meter(), stream(0))
-        assert len(alone)
-        assert np.array_equal(same.actions, alone.actions)
-        assert same.extensions == alone.extensions
+@pytest.mark.parametrize(("goal", "check", "extensions", "outcome"), [
+    (tail_goal(0.3, 0.0, 0.1), Doubtful(0.9, 0.2), 500, PlanOutcome.PARTIAL),
+    (tail_goal(-0.6, 0.2, 0.1), AcceptAll(), 1, PlanOutcome.GOAL),
+    (tail_goal(*START[3:5]), AcceptAll(), 500, PlanOutcome.GOAL),
+])  # fmt: skip
+def test_there_is_one_attempt_where_it_fails_or_its_plan_is_short(goal, check, extensions, outcome):
+    task = replace(problem(arena(), goal), check=check)
+    alone = BatchedRRT(FEW).plan(task, START, meter(), stream(0))
+    same = Several(BatchedRRT(FEW), extensions).plan(task, START, meter(), stream(0))
+    assert same.outcome is alone.outcome is outcome
+    assert np.array_equal(same.actions, alone.actions)
+    assert same.extensions == alone.extensions
 
 
 def test_several_needs_a_positive_number_of_extensions():

@@ -19,8 +19,9 @@ from fairlead.core.errors import ArtifactError
 from fairlead.core.layout import StateLayout
 from fairlead.evaluation.shipped import benchmark_scenes
 from fairlead.evaluation.summary import summarise
+from fairlead.learning.model_files import KINDS
 from fairlead.report.drawing import outline
-from fairlead.report.model_figures import metrics_tables
+from fairlead.report.model_figures import REPORTED, metrics_tables
 from fairlead.report.movie import recoveries, takes
 from fairlead.report.page import write_report
 from fairlead.report.playback import FPS, SPEED, Branches, Episode, Recording, as_predicted, views
@@ -387,3 +388,7 @@ def test_a_page_over_two_lines_keeps_the_figures_of_both(trials: Path, tmp_path:
     manifest = json.loads((tmp_path / "report" / "manifest.json").read_text())
     assert len(manifest["inputs"]) == 2
     assert sum(name.startswith("figures/") for name in manifest["files"]) == 2 * 5
+
+
+def test_the_page_knows_what_to_report_of_each_kind_of_model() -> None:
+    assert set(REPORTED) == set(KINDS)

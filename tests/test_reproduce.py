@@ -17,7 +17,7 @@ from safetensors.torch import load_file
 from fairlead.core.artifacts import read_jsonl, read_manifest
 from fairlead.core.budget import Budget
 from fairlead.core.errors import ArtifactError, UnknownNameError
-from fairlead.evaluation.bench import RELAXED, TrialsConfig
+from fairlead.evaluation.bench import BEST, TrialsConfig
 from fairlead.evaluation.shipped import benchmark_scenes
 from fairlead.execution.trial import Protocol
 from fairlead.learning.registry import load_delta
@@ -97,13 +97,14 @@ def test_each_set_is_a_folder_and_only_stuck_methods_without_recovery_meet_the_p
     monkeypatch.setattr(trials, "try_all", try_all)
     wanted = replace(SMOKE, methods=tuple(stuck), sets={"hard": None, "authors": 3}, seeds=(4, 5), both_protocols=True,
                      counted=Budget(extensions=7), planner="rrt", improved=("accept-all", "trust"),
-                     improved_seeds=(6, 7))  # fmt: skip
+                     improved_planner=BEST, improved_seeds=(6, 7))  # fmt: skip
     scenes = benchmark_scenes("dragging")
     trials.try_sets(DRAGGING, wanted, tmp_path, {"hard": scenes, "authors": scenes}, tmp_path, 1, _no_bar)
     papers = {"hard-protocol-paper", "authors-protocol-paper"}
-    best = {"hard-relaxed", "authors-relaxed"}
+    best = {"hard-improved", "authors-improved"}
     assert set(tried) == {"hard", "hard-counted", "authors", *papers, *best}
-    assert {name for name, config in tried.items() if config.planner == RELAXED} == best
+    assert {name for name, config in tried.items() if config.planner == BEST} == best
+    assert {name for name, config in tried.items() if config.distilled} == best
     assert {(tried[n].methods, tried[n].seeds, tried[n].reference) for n in best} == {
         (("accept-all", "trust"), (6, 7), "accept-all")
     }

@@ -54,6 +54,7 @@ class Command:
     def run(self) -> None:
         """Train, and print the metrics."""
         from fairlead.core.artifacts import read_json
+        from fairlead.learning.distilled import DistilledConfig
         from fairlead.learning.registry import use_threads
         from fairlead.learning.trust_network import COARSE_GRID, COARSE_GRID_3D, PAPER_GRID, PAPER_GRID_3D
         from fairlead.reproduce import stages
@@ -78,7 +79,7 @@ class Command:
             config = replace(sizes.dynamics, **wide, **other)
             stages.dynamics(world, data, config, self.out, self.seed)
         elif self.model == "distilled" and self.dynamics:
-            stages.distilled(world, data, self.dynamics, sizes.distilled, self.out, self.seed)
+            stages.distilled(world, data, self.dynamics, sizes.distilled or DistilledConfig(), self.out, self.seed)
         elif self.model == "full-dynamics":
             stages.full_dynamics(world, data, replace(sizes.full_dynamics, **grid), self.out, self.seed)
         elif self.model == "trust" and self.dynamics:

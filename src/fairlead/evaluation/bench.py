@@ -72,7 +72,8 @@ class TrialsConfig:
             else the first in the table of methods.
         differences: of the world of execution from that of training.
         remember: keep away from actions that were cut short in the same trial, in planning and recovery.
-        distilled: plan with the network that was distilled from the ensemble.
+        distilled: plan with the network that was distilled from the ensemble, where a method plans with the learned
+            dynamics.
     """
 
     scenario: str
@@ -99,8 +100,9 @@ class TrialsConfig:
             raise FairleadError(f"limit {self.limit}: at least 1 scene is needed")
         if self.traced < 0:
             raise FairleadError(f"traced {self.traced}: no less than 0 scenes are needed")
-        for method in self.methods:
-            find_method(method)
+        dynamics = [find_method(method).dynamics for method in self.methods]
+        if self.distilled and "learned" not in dynamics:
+            raise FairleadError("--distilled means nothing to these methods: none plans with the learned dynamics")
 
 
 @dataclass(frozen=True)

@@ -143,6 +143,11 @@ DYNAMICS: dict[str, Callable[[Models], Dynamics]] = {
 
 def _learned(models: Models) -> Dynamics:
     if models.distilled:
+        folder = models.folder / "distilled"
+        if not (folder / MANIFEST).exists():
+            raise ArtifactError(
+                folder, "no finished model; leave out --distilled, or `fairlead train distilled` into it"
+            )
         return load_distilled(models.folder_of("distilled"), models.scenario.kin)
     return load_dynamics(models.folder_of("dynamics"), models.scenario.kin)
 

@@ -42,6 +42,8 @@ from fairlead.evaluation.workers import run_jobs
 from fairlead.scenarios.scene_files import write_scenes
 
 TRIALS, SUMMARY, SCENES, CONFIG = "trials.jsonl", "summary.json", "scenes.json", "config.json"
+OFF = {"remember": False, "distilled": False}
+"""Settings that folders of earlier versions do not mention."""
 
 
 @final
@@ -138,7 +140,7 @@ def repair(path: Path) -> None:
 def _merged(out: Path, wanted: dict[str, Any], reference: str | None) -> dict[str, Any]:
     """The folder's configuration with this one's models and reference; ArtifactError where it is another one's."""
     path = out / CONFIG
-    found = {"remember": False, "distilled": False, **read_json(path)} if path.exists() else {"models": {}}
+    found = {**OFF, **read_json(path)} if path.exists() else {"models": {}}
     if "models" not in found:
         raise ArtifactError(path, "not the configuration of trials; use another --out")
     before, now = ({**config, **config["models"], "models": None} for config in (found, wanted))
@@ -154,7 +156,7 @@ def _merged(out: Path, wanted: dict[str, Any], reference: str | None) -> dict[st
 def _claim(out: Path, config: dict[str, Any]) -> None:
     """Make the folder this configuration's."""
     path = out / CONFIG
-    if not path.exists() or read_json(path) != config:
+    if not path.exists() or {**OFF, **read_json(path)} != config:
         (out / MANIFEST).unlink(missing_ok=True)
         write_json(path, config)
 

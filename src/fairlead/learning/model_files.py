@@ -29,7 +29,7 @@ from fairlead.learning.device import device_name, training_device
 from fairlead.learning.fit import CHECKPOINT
 
 Names = str | tuple[str, ...]
-_KINDS = {
+KINDS = {
     "dynamics": "Predicts what an action does to the rope where nothing constrains it (an ensemble).",
     "distilled": "Predicts what the dynamics' ensemble predicts, its spread too: one network, faster to plan with.",
     "full-dynamics": "Predicts what an action does to the rope among obstacles: the baseline that needs no check.",
@@ -145,7 +145,7 @@ def model_card(about: Mapping[str, Any], seed: int, inputs: Mapping[str, str], m
     lines = [
         f"# {about['scenario']}: {about['kind']} ({about['network']})",
         "",
-        _KINDS[about["kind"]],
+        KINDS[about["kind"]],
         "",
         "## Measured",
         *(f"- {name}: {text}" for name, value in metrics.items() if (text := _number(value))),

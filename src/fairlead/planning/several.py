@@ -23,13 +23,13 @@ from fairlead.planning.shorten import expected_length
 class Several(Planner):
     """Of several plans that reach the goal the one with the least `expected_length`.
 
-    It plans again until it has checked so many transitions for each action of the best plan, so that a short plan is
-    taken at once. Where the first attempt does not reach the goal there is no other. Each attempt has limits of its
-    own.
+    It plans again as long as it has checked fewer transitions than so many for each action of the best plan: a short
+    plan is taken at once. Where the first attempt does not reach the goal there is no other. Each attempt has limits of
+    its own, so the last may take longer than it can win.
 
     Args:
         planner: does the planning.
-        extensions: transitions checked for each action of the best plan.
+        extensions: transitions for each action of the best plan.
     """
 
     def __init__(self, planner: Planner, extensions: int = 500) -> None:
@@ -41,14 +41,13 @@ class Several(Planner):
         self, problem: Problem, start: Float[np.ndarray, " state"], meter: Meter, rng: np.random.Generator
     ) -> Plan:
         plans = [self.planner.plan(problem, start, meter, rng)]
-        best, least = plans[0], expected_length(plans[0], problem)
+        best = plans[0]
         while best.outcome is PlanOutcome.GOAL and not meter.exhausted:
             if sum(plan.extensions for plan in plans) >= self.extensions * len(best):
                 break
             plans.append(self.planner.plan(problem, start, meter, rng))
-            length = expected_length(plans[-1], problem)
-            if plans[-1].outcome is PlanOutcome.GOAL and length < least:
-                best, least = plans[-1], length
+            reached = [plan for plan in plans if plan.outcome is PlanOutcome.GOAL]
+            best = min(reached, key=lambda plan: expected_length(plan, problem))
         return replace(
             best, extensions=sum(plan.extensions for plan in plans), invalid=sum(plan.invalid for plan in plans)
         )

@@ -36,8 +36,12 @@ def metrics_tables(models: Sequence[Model]) -> list[Table]:
     ]
 
 
-_REPORTED = {
+REPORTED = {
     "dynamics": {"test_point_error_m": "error per point [m]", "delta_m": "δ [m]"},
+    "distilled": {
+        "test_point_difference_m": "from the ensemble, per point [m]",
+        "test_spread_factor": "spread, factor",
+    },
     "trust": {
         "accuracy": "accuracy",
         "precision": "precision",
@@ -54,7 +58,7 @@ def learning_table(scenario: str, models: Sequence[Model]) -> Table:
     """What the paper reports of its models, ours beside it; and what classifiers were labelled with."""
     rows = []
     for model in models:
-        for key, text in _REPORTED[model.kind].items():
+        for key, text in REPORTED[model.kind].items():
             ours, paper = model.scalars.get(key), LEARNING[scenario].get((model.kind, key))
             rows.append((f"{model.name}: {text}", *("-" if v is None else f"{v:.4g}" for v in (ours, paper))))
         for rule, counts in model.metrics.get("rules", {}).items():

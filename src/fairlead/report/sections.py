@@ -123,7 +123,7 @@ def trial_section(trials: TrialSet, save: Figures, clips: list[Clip], cameras: C
         else ""
     )
     other += " Actions that were cut short were remembered within a trial." if config.get("remember") else ""
-    other += " Planned with the distilled dynamics." if config.get("distilled") else ""
+    other += " The learned dynamics were the distilled ones." if config.get("distilled") else ""
     other += "" if trials.scenes else " The scenes themselves are not here, so there are no pictures of them."
     timed = math.isfinite(budget.seconds)
     clock = "" if timed else " A counted budget does not look at the clock: times are those of execution alone."

@@ -76,7 +76,7 @@ class Model:
 
     @property
     def kind(self) -> str:
-        """What it models: dynamics, full-dynamics, trust or recovery."""
+        """What it models: dynamics, distilled, full-dynamics, trust or recovery."""
         return self.config["kind"]
 
     @property

@@ -74,7 +74,8 @@ def _models(scenario: Scenario, preset: Preset, data: tuple[Path, Path], models:
     """Train every model, each on the one before it."""
     dynamics, phase2 = models / "dynamics", stages.Part(data[1], preset.phase2)
     stages.dynamics(scenario, data[0], preset.dynamics, dynamics, seed)
-    stages.distilled(scenario, phase2, dynamics, preset.distilled, models / "distilled", seed)
+    if preset.distilled:
+        stages.distilled(scenario, phase2, dynamics, preset.distilled, models / "distilled", seed)
     of = (("", preset.trust, preset.recovery), ("-sdf", preset.trust_sdf, preset.recovery_sdf))
     for suffix, config, recovery in of:
         trust = models / f"trust{suffix}"

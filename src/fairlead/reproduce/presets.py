@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from fairlead.core.budget import Budget
 from fairlead.core.errors import UnknownNameError
-from fairlead.evaluation.bench import SHORT
+from fairlead.evaluation.bench import BEST, RELAXED, SHORT
 from fairlead.learning.distilled import DistilledConfig
 from fairlead.learning.dynamics import DynamicsConfig
 from fairlead.learning.fit import Stage
@@ -46,7 +46,7 @@ class Preset:
         full: trajectories of phase 2 that the full dynamics learn from, mostly the same and more: as many transitions
             as both phases have together, but for `smoke`.
         steps2: actions in a trajectory of phase 2; 0 for the paper's.
-        dynamics, distilled, full_dynamics, trust, trust_sdf, recovery, recovery_sdf: of the models.
+        dynamics, full_dynamics, trust, trust_sdf, recovery, recovery_sdf: of the models.
         methods: what is tried, the first compared with the others.
         budget: of each trial.
         planner: of every method on the sets of scenes. Tasks and other deltas are tried with the paper's, "rrt".
@@ -58,7 +58,9 @@ class Preset:
             For all others the two protocols are the same.
         counted: budget of further trials, on the first set with the first seed, that do not depend on the clock:
             several planning attempts.
-        improved: methods that are tried on each set with the best planner too, for 60 s.
+        improved: methods that are tried on each set with a better planner too, for 60 s.
+        improved_planner: its name.
+        distilled: the dynamics are distilled, and these trials plan with that; None for the ensemble.
         improved_seeds: of these trials.
         sensitivity: trust at other deltas (Fig. S2); None for without.
         traced: traces are kept of the first so many scenes of each set, for the report's videos.
@@ -69,7 +71,6 @@ class Preset:
     phase2: int
     full: int
     dynamics: DynamicsConfig
-    distilled: DistilledConfig
     full_dynamics: FullDynamicsConfig
     trust: TrustConfig
     trust_sdf: TrustConfig
@@ -86,6 +87,8 @@ class Preset:
     both_protocols: bool = False
     counted: Budget | None = None
     improved: tuple[str, ...] = ()
+    improved_planner: str = RELAXED
+    distilled: DistilledConfig | None = None
     improved_seeds: tuple[int, ...] = (0,)
     sensitivity: SensitivityConfig | None = None
     traced: int = 3
@@ -99,13 +102,13 @@ _SOME: Mapping[str, int | None] = {"benchmark": 16, "hard": 16}
 _SMOKE = Preset(
     phase1=32, phase2=32, full=16, steps2=8,
     dynamics=DynamicsConfig(hidden=32, blocks=1, stages=(Stage(4, 64), Stage(2, 64, 3e-4, 4))),
-    distilled=DistilledConfig(samples=512, hidden=8, stages=(Stage(1, 64, 5e-4),)),
     full_dynamics=FullDynamicsConfig(hidden=32, stages=(Stage(1, 64),)),
     trust=TrustConfig("voxel", hidden=16, limit=200, stages=(Stage(1, 32),)),
     trust_sdf=TrustConfig("sdf", hidden=8, limit=1000, stages=(Stage(2, 128),)),
     recovery=RecoveryConfig(samples=8, hidden=16, limit=40, stages=(Stage(1, 32),)),
     recovery_sdf=RecoveryConfig(samples=8, limit=40, discount=0.8, stages=(Stage(2, 32),)),
     methods=LEARNED, budget=Budget(extensions=300), sets={"benchmark": 1}, traced=1, videos=False,
+    distilled=DistilledConfig(samples=512, hidden=8, stages=(Stage(1, 64, 5e-4),)),
 )  # fmt: skip
 
 # Obstacles that move every 8 trajectories, as in the paper, show a classifier so few arrangements of a desk's data that
@@ -113,7 +116,6 @@ _SMOKE = Preset(
 _DESK = Preset(
     phase1=1536, phase2=320, full=627,
     dynamics=DynamicsConfig(stages=(Stage(40, 128, 2e-3), Stage(3, 128, 5e-4, 4))),
-    distilled=DistilledConfig(samples=100_000),
     full_dynamics=FullDynamicsConfig(stages=(Stage(6, 64), Stage(1, 64, 3e-4, 4))),
     trust=TrustConfig("voxel", hidden=128, limit=12_000, stages=(Stage(4, 64),)),
     trust_sdf=TrustConfig("sdf", limit=100_000, stages=(Stage(4, 256),)),
@@ -127,7 +129,6 @@ _DESK = Preset(
 _PAPER = Preset(
     phase1=6144, phase2=2048, full=3277,
     dynamics=DynamicsConfig(stages=(Stage(40, 128, 2e-3), Stage(10, 128, 5e-4, 4))),
-    distilled=DistilledConfig(),
     full_dynamics=FullDynamicsConfig(stages=(Stage(8, 64), Stage(1, 64, 3e-4, 4))),
     trust=TrustConfig("voxel", hidden=128, limit=50_000, stages=(Stage(4, 64),)),
     trust_sdf=TrustConfig("sdf", delta_m=0.065, limit=400_000, stages=(Stage(6, 512),)),
@@ -136,12 +137,12 @@ _PAPER = Preset(
     methods=LEARNED, budget=Budget(seconds=180), planner="rrt", obstacles_every=2,
     sets={"benchmark": 20, "hard": 20, "authors": None},
     improved=("trust-sdf", "accept-all", "full-dynamics", "collision-check"),
+    improved_planner=BEST, distilled=DistilledConfig(),
 )  # fmt: skip
 
 _DUAL_SMOKE = Preset(
     phase1=16, phase2=16, full=16, steps2=4,
     dynamics=DynamicsConfig(hidden=32, blocks=1, planar=False, stages=(Stage(4, 64), Stage(2, 64, 3e-4, 4))),
-    distilled=DistilledConfig(samples=512, hidden=8, stages=(Stage(1, 64, 5e-4),)),
     full_dynamics=FullDynamicsConfig(hidden=32, planar=False, grid=COARSE_GRID_3D, stages=(Stage(1, 32),)),
     trust=TrustConfig("voxel", planar=False, delta_m=0.1, hidden=16, grid=COARSE_GRID_3D, limit=64,
                       stages=(Stage(1, 32),)),
@@ -155,7 +156,6 @@ _DUAL_SMOKE = Preset(
 _DUAL_DESK = Preset(
     phase1=1024, phase2=512, full=1024,
     dynamics=DynamicsConfig(planar=False, stages=(Stage(40, 128, 2e-3), Stage(4, 128, 5e-4, 4))),
-    distilled=DistilledConfig(samples=100_000),
     full_dynamics=FullDynamicsConfig(planar=False, grid=COARSE_GRID_3D, stages=(Stage(8, 64),)),
     trust=TrustConfig("voxel", planar=False, delta_m=0.025, hidden=128, grid=COARSE_GRID_3D, limit=25_000,
                       stages=(Stage(3, 64),)),
@@ -170,7 +170,6 @@ _DUAL_DESK = Preset(
 _DUAL_PAPER = Preset(
     phase1=2048, phase2=5996, full=7020,
     dynamics=DynamicsConfig(planar=False, stages=(Stage(80, 128, 2e-3), Stage(10, 128, 5e-4, 4))),
-    distilled=DistilledConfig(),
     full_dynamics=FullDynamicsConfig(planar=False, grid=COARSE_GRID_3D, stages=(Stage(6, 64), Stage(1, 64, 3e-4, 4))),
     trust=TrustConfig("voxel", planar=False, delta_m=0.025, hidden=128, grid=COARSE_GRID_3D, limit=100_000,
                       stages=(Stage(2, 64),)),

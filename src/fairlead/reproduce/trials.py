@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fairlead.core.budget import Budget
-from fairlead.evaluation.bench import RELAXED, TrialsConfig
+from fairlead.evaluation.bench import TrialsConfig
 from fairlead.evaluation.methods import find_method
 from fairlead.evaluation.trials import Trials
 from fairlead.execution.trial import Protocol
@@ -34,7 +34,7 @@ def try_sets(
     """Try the methods of a preset on each set of scenes in `out`/SET, and what the preset wants besides.
 
     SET-protocol-paper has the methods that were stuck and have no recovery, SET-counted those of a counted budget,
-    SET-relaxed those with the best planner.
+    SET-improved those with a better planner.
     """
     for name, scenes in sets.items():
         first = name == next(iter(sets))
@@ -51,6 +51,7 @@ def try_sets(
             counted = replace(untraced, budget=preset.counted, seeds=preset.seeds[:1])
             try_all(counted, out / f"{name}-counted", workers, bar)
         if preset.improved:
-            improved = replace(untraced, methods=preset.improved, planner=RELAXED, budget=IMPROVED_BUDGET,
-                               seeds=preset.improved_seeds, reference=preset.improved[0])  # fmt: skip
-            try_all(improved, out / f"{name}-relaxed", workers, bar)
+            improved = replace(untraced, methods=preset.improved, planner=preset.improved_planner,
+                               budget=IMPROVED_BUDGET, seeds=preset.improved_seeds, reference=preset.improved[0],
+                               distilled=preset.distilled is not None)  # fmt: skip
+            try_all(improved, out / f"{name}-improved", workers, bar)
