@@ -39,7 +39,7 @@ class Command:
     planner: str = "rrt"
     """rrt (the paper's, batched), rrt-middle (to the middle of the goal), rrt-short (plans made shorter),
     rrt-middle-short (both), rrt-middle-short-relaxed (and less trust where enough leads nowhere), rrt-best (and the
-    shortest of several), ompl, or one that is installed."""
+    best of several plans), ompl, or one that is installed."""
     remember: bool = False
     """Keep away from actions that were cut short in the same trial."""
     distilled: bool = False

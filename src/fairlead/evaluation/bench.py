@@ -34,7 +34,8 @@ from fairlead.scenarios.scene_files import Scene
 Row = dict[str, Any]
 
 SHORT, RELAXED, BEST = "rrt-middle-short", "rrt-middle-short-relaxed", "rrt-best"
-"""The best planners we know, and not the paper's: the first for a demo or a desk, the others where success is all."""
+"""Better planners than the paper's: the first for a demo or a desk, the second where success is all, the third, the
+best of several plans, where planning is quick besides (docs/adr/0016)."""
 
 
 def _short(settings: SearchSettings) -> Planner:
