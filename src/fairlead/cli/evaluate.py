@@ -43,8 +43,8 @@ class Command:
     remember: bool = False
     """Keep away from actions that were cut short in the same trial."""
     distilled: bool = False
-    """Plan with the one network that was distilled from the ensemble: two to three times as fast, a little less exact.
-    Full dynamics and the oracle stay as they are. Of the models that come along only dragging's have one."""
+    """Plan with the one network that was distilled from the ensemble: faster, and a little less exact. Full dynamics
+    and the oracle stay as they are."""
     seed: int = 0
     """The first seed of the trials."""
     seeds: int = 1

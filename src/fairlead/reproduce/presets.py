@@ -181,6 +181,7 @@ _DUAL_PAPER = Preset(
     improved=("trust-sdf+recovery", "trust-sdf+planned-recovery", "trust-sdf+doubted-recovery",
               "trust-sdf+random-recovery", "accept-all+arms", "full-dynamics+arms", "collision-check",
               "collision-check+random-recovery"),
+    distilled=DistilledConfig(),
 )  # fmt: skip
 
 
