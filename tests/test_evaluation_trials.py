@@ -42,8 +42,8 @@ from fairlead.evaluation.methods import CHECKS, DYNAMICS, METHODS, RECOVERIES, P
 from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
 from fairlead.evaluation.solved import solved_scenes
 from fairlead.evaluation.trials import CONFIG, OFF, SCENES, SUMMARY, TRIALS, Trials, repair
-from fairlead.learning.distilled import Distilled, DistilledConfig, DistilledDynamics, Saved
-from fairlead.learning.dynamics import DynamicsConfig, Ensemble
+from fairlead.learning.distilled import Distilled, DistilledConfig, Saved
+from fairlead.learning.dynamics import DynamicsConfig, Ensemble, LearnedDynamics
 from fairlead.learning.model_files import Job, save_model
 from fairlead.planning.problem import PAPER, SearchSettings
 from fairlead.planning.rrt import BatchedRRT
@@ -333,7 +333,8 @@ def test_distilled_dynamics_plan_in_the_place_of_the_ensemble(config: TrialsConf
     bench = Bench(replace(config, distilled=True))
     assert set(bench.models.hashes) == {"dynamics", "distilled"}
     dynamics, *_ = Parts(bench.models).build(find_method("accept-all"), bench.scenes.scenes[0])
-    assert isinstance(dynamics, DistilledDynamics)
+    assert isinstance(dynamics, LearnedDynamics)
+    assert isinstance(dynamics.module, Distilled)
     with pytest.raises(FairleadError, match="--distilled means nothing"):
         replace(config, methods=("oracle",), distilled=True)
     shutil.copytree(config.models / "dynamics", tmp_path / "dynamics")

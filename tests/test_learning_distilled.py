@@ -13,7 +13,7 @@ from fairlead.core.records import Prediction
 from fairlead.geometry.distance import point_error
 from fairlead.geometry.fields import BoxEnvironment
 from fairlead.geometry.motion import RandomDisplacement
-from fairlead.learning.distilled import Distilled, DistilledConfig, DistilledDynamics, train_distilled
+from fairlead.learning.distilled import Distilled, DistilledConfig, train_distilled
 from fairlead.learning.dynamics import DynamicsConfig, Ensemble, LearnedDynamics
 from fairlead.learning.fit import Stage
 from fairlead.learning.model_files import Job
@@ -26,7 +26,7 @@ CONFIG = DistilledConfig(samples=2048, hidden=16, stages=(Stage(6, 64, 2e-3),))
 DATA = splits(16, 6, 0)
 
 
-def ensemble(planar: bool = True) -> LearnedDynamics:
+def ensemble(planar: bool = True) -> LearnedDynamics[Ensemble]:
     """Members that disagree."""
     module = Ensemble(LAYOUT, DynamicsConfig(hidden=16, blocks=1, members=3, planar=planar), 1).eval()
     generator = torch.Generator().manual_seed(0)
@@ -55,7 +55,7 @@ def test_it_begins_as_the_ensembles_first_member(planar: bool) -> None:
     module.begin_with(teacher.module)
     tensors = (torch.tensor(x).float() for x in (states, actions))
     first = teacher.module(*(x.expand(3, -1, -1) for x in tensors))[0].detach().numpy()
-    np.testing.assert_allclose(DistilledDynamics(module).predict(FREE, states, actions).mean, first, atol=1e-6)
+    np.testing.assert_allclose(LearnedDynamics(module).predict(FREE, states, actions).mean, first, atol=1e-6)
 
 
 def test_it_comes_nearer_to_the_ensemble_than_a_member_is_and_is_the_same_from_disk(tmp_path: Path) -> None:
@@ -64,7 +64,7 @@ def test_it_comes_nearer_to_the_ensemble_than_a_member_is_and_is_the_same_from_d
     member.begin_with(teacher.module)
     trained = train_distilled(teacher, DATA, SAMPLER, CONFIG, Job(tmp_path / "distilled", "dragging"))
     there = teacher.predict(FREE, states, actions)
-    before = differences(DistilledDynamics(member).predict(FREE, states, actions), there)
+    before = differences(LearnedDynamics(member).predict(FREE, states, actions), there)
     after = differences(trained.predict(FREE, states, actions), there)
     assert after[0] < 0.5 * before[0]
     assert after[1] < 0.5 * before[1]
@@ -76,7 +76,7 @@ def test_it_comes_nearer_to_the_ensemble_than_a_member_is_and_is_the_same_from_d
 
 
 def test_rows_are_independent_and_the_spread_is_positive() -> None:
-    dynamics = DistilledDynamics(Distilled(LAYOUT, ensemble().module.config, CONFIG, 0).eval())
+    dynamics = LearnedDynamics(Distilled(LAYOUT, ensemble().module.config, CONFIG, 0).eval())
     states, actions = transitions(7, 2)
     whole, alone = (dynamics.predict(FREE, states[s], actions[s]) for s in (slice(None), slice(3, 4)))
     np.testing.assert_allclose(alone.mean[0], whole.mean[3], atol=1e-6)

@@ -29,6 +29,7 @@ from fairlead.learning.dynamics import (
     UNIT_M,
     DynamicsConfig,
     Ensemble,
+    FreeMotion,
     LearnedDynamics,
     dynamics_config_from,
 )
@@ -60,11 +61,12 @@ class DistilledConfig:
 
 
 @final
-class Distilled(nn.Module):
+class Distilled(FreeMotion):
     """A network like a member's for the ensemble's mean, and a small one for the logarithm of its spread [m]."""
 
     def __init__(self, layout: StateLayout, of: DynamicsConfig, config: DistilledConfig, seed: int) -> None:
         super().__init__()
+        self.layout = layout
         self.mean = Ensemble(layout, replace(of, members=1), seed)
         axes, grippers = self.mean.axes, len(layout.grippers)
         sizes = (layout.state_size // 3 * axes + grippers * axes, config.hidden, config.hidden, 1)
@@ -84,36 +86,12 @@ class Distilled(nn.Module):
         seen = torch.cat([local.flatten(2), wanted.flatten(2)], dim=-1)
         return self.mean.moved(states[None], local, wanted, turn)[0], self.spread(seen)[0, :, 0]
 
-
-@final
-class DistilledDynamics(Dynamics):
-    """The network in place of the ensemble. The environment is ignored."""
-
-    def __init__(self, module: Distilled) -> None:
-        self.module = module
-
-    @property
-    def layout(self) -> StateLayout:
-        return self.module.mean.layout
-
-    def predict(
-        self,
-        environment: Environment,
-        states: Float[np.ndarray, "batch state"],
-        actions: Float[np.ndarray, "batch action"],
-    ) -> Prediction:
-        with torch.inference_mode():
-            mean, doubt = self.module(*(beside(self.module, np.asarray(x, np.float32)) for x in (states, actions)))
-        return Prediction(mean.cpu().numpy(), doubt.exp().cpu().numpy())
-
-    def predict_each(
-        self,
-        environments: Sequence[Environment],
-        scene: Int[np.ndarray, " batch"],
-        states: Float[np.ndarray, "batch state"],
-        actions: Float[np.ndarray, "batch action"],
-    ) -> Prediction:
-        return self.predict(environments[scene[0]], states, actions)
+    def prediction(
+        self, states: Float[Tensor, "batch state"], actions: Float[Tensor, "batch action"]
+    ) -> tuple[Float[Tensor, "batch state"], Float[Tensor, " batch"]]:
+        """The next state and the spread about it [m]."""
+        mean, doubt = self(states, actions)
+        return mean, doubt.exp()
 
 
 @dataclass(frozen=True)
@@ -128,7 +106,7 @@ class _Lesson:
     @classmethod
     def of(
         cls,
-        ensemble: LearnedDynamics,
+        ensemble: LearnedDynamics[Ensemble],
         data: Trajectories,
         sampler: ActionSampler,
         count: int,
@@ -157,7 +135,7 @@ class _Imitating(Task):
     its own learns, has no part in it.
     """
 
-    def __init__(self, dynamics: DistilledDynamics, lesson: _Lesson, judge: _Lesson) -> None:
+    def __init__(self, dynamics: LearnedDynamics[Distilled], lesson: _Lesson, judge: _Lesson) -> None:
         self.module, self._dynamics, self._judge = dynamics.module, dynamics, judge
         doubt = np.log(np.maximum(lesson.said.spread, LEAST_SPREAD_M))
         rows = (lesson.states, lesson.actions, lesson.said.mean, doubt)
@@ -179,13 +157,13 @@ class _Imitating(Task):
 
 
 def train_distilled(
-    ensemble: LearnedDynamics, data: Splits, sampler: ActionSampler, config: DistilledConfig, job: Job
-) -> DistilledDynamics:
+    ensemble: LearnedDynamics[Ensemble], data: Splits, sampler: ActionSampler, config: DistilledConfig, job: Job
+) -> LearnedDynamics[Distilled]:
     """Distil an ensemble on the states of `data` and random actions, and save what comes of it."""
     started, of = time.monotonic(), ensemble.module.config
     module = Distilled(data.layout, of, config, job.seed).to(job.device)
     module.begin_with(ensemble.module)
-    dynamics, sizes = DistilledDynamics(module), (config.samples, config.samples // 8, config.samples // 8)
+    dynamics, sizes = LearnedDynamics(module), (config.samples, config.samples // 8, config.samples // 8)
     lesson, judge, test = (
         _Lesson.of(ensemble, getattr(data, name), sampler, size, stream(job.seed, "distilled", name))
         for name, size in zip(("train", "validation", "test"), sizes, strict=True)
@@ -199,7 +177,7 @@ def train_distilled(
 
 
 def _metrics(
-    ensemble: LearnedDynamics, dynamics: DistilledDynamics, data: Splits, test: _Lesson
+    ensemble: LearnedDynamics[Ensemble], dynamics: LearnedDynamics[Distilled], data: Splits, test: _Lesson
 ) -> dict[str, float | list[float]]:
     """How far it is from the ensemble after one step and over ten [m], and how far its spread is, as a factor."""
     steps = min(10, data.test.actions.shape[1])
@@ -222,10 +200,10 @@ class Saved:
     dynamics: DynamicsConfig
 
 
-def distilled_from(model: ModelFile, device: torch.device = CPU) -> DistilledDynamics:
+def distilled_from(model: ModelFile, device: torch.device = CPU) -> LearnedDynamics[Distilled]:
     """The dynamics of a model that was read."""
     values: Mapping[str, Any] = model.config["distilled"]
     config = DistilledConfig(**{**values, "stages": tuple(Stage(**stage) for stage in values["stages"])})
     module = Distilled(model.layout, dynamics_config_from(model.config["dynamics"]), config, 0)
     model.load_into(module)
-    return DistilledDynamics(module.to(device))
+    return LearnedDynamics(module.to(device))

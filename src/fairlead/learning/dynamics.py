@@ -6,9 +6,10 @@ Paper, "Learning the unconstrained dynamics" and "Incorporating uncertainty in t
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any, Generic, TypeVar, final
 
 import numpy as np
 import torch
@@ -59,8 +60,20 @@ class DynamicsConfig:
             raise FairleadError("dynamics: hidden, members and the number of stages must be positive")
 
 
+class FreeMotion(nn.Module, ABC):
+    """A network that predicts motion that nothing constrains, and how far its prediction may be off."""
+
+    layout: StateLayout
+
+    @abstractmethod
+    def prediction(
+        self, states: Float[Tensor, "batch state"], actions: Float[Tensor, "batch action"]
+    ) -> tuple[Float[Tensor, "batch state"], Float[Tensor, " batch"]]:
+        """The next state of each row and the spread about it [m]."""
+
+
 @final
-class Ensemble(nn.Module):
+class Ensemble(FreeMotion):
     """One step of every member: into the local frame, the network, and back. Weights derive from `seed`."""
 
     def __init__(self, layout: StateLayout, config: DynamicsConfig, seed: int) -> None:
@@ -76,6 +89,14 @@ class Ensemble(nn.Module):
     ) -> Float[Tensor, "member batch state"]:
         """The next state that each member predicts for its own rows [m]."""
         return self.moved(states, *self.local(states, actions))
+
+    def prediction(
+        self, states: Float[Tensor, "batch state"], actions: Float[Tensor, "batch action"]
+    ) -> tuple[Float[Tensor, "batch state"], Float[Tensor, " batch"]]:
+        """The members' mean, and their standard deviation, summed over the state."""
+        predicted = self(states.expand(self.members, -1, -1), actions.expand(self.members, -1, -1))
+        mean = predicted.mean(0)
+        return mean, (predicted - mean).square().mean(0).sqrt().sum(-1)
 
     def local(
         self, states: Float[Tensor, "member batch state"], actions: Float[Tensor, "member batch action"]
@@ -123,11 +144,14 @@ class Ensemble(nn.Module):
         return upright
 
 
-@final
-class LearnedDynamics(Dynamics):
-    """The trained ensemble: its mean prediction, and its spread. The environment is ignored."""
+M = TypeVar("M", bound=FreeMotion)
 
-    def __init__(self, module: Ensemble) -> None:
+
+@final
+class LearnedDynamics(Dynamics, Generic[M]):
+    """What a trained network predicts of motion that nothing constrains. The environment is ignored."""
+
+    def __init__(self, module: M) -> None:
         self.module = module
 
     @property
@@ -140,12 +164,9 @@ class LearnedDynamics(Dynamics):
         states: Float[np.ndarray, "batch state"],
         actions: Float[np.ndarray, "batch action"],
     ) -> Prediction:
-        members = self.module.members
         with torch.inference_mode():
             s, a = (beside(self.module, np.asarray(x, np.float32)) for x in (states, actions))
-            predicted = self.module(s.expand(members, -1, -1), a.expand(members, -1, -1))
-            mean = predicted.mean(0)
-            spread = (predicted - mean).square().mean(0).sqrt().sum(-1)
+            mean, spread = self.module.prediction(s, a)
         return Prediction(mean.cpu().numpy(), spread.cpu().numpy())
 
     def predict_each(
@@ -208,7 +229,7 @@ def _mirrored(vectors: Tensor, flip: Tensor) -> Tensor:
     return vectors * sign.repeat(1, 1, vectors.shape[-1] // 3)[:, :, None]
 
 
-def train_dynamics(data: Splits, config: DynamicsConfig, job: Job) -> LearnedDynamics:
+def train_dynamics(data: Splits, config: DynamicsConfig, job: Job) -> LearnedDynamics[Ensemble]:
     """Train the ensemble on unconstrained data and save it; delta is in its `metrics.json`."""
     started = time.monotonic()
     module = Ensemble(data.layout, config, job.seed).to(job.device)
@@ -229,7 +250,7 @@ def dynamics_config_from(values: Mapping[str, Any]) -> DynamicsConfig:
     return DynamicsConfig(**{**values, "stages": tuple(Stage(**stage) for stage in values["stages"])})
 
 
-def dynamics_from(model: ModelFile, device: torch.device = CPU) -> LearnedDynamics:
+def dynamics_from(model: ModelFile, device: torch.device = CPU) -> LearnedDynamics[Ensemble]:
     """The dynamics of a model that was read."""
     module = Ensemble(model.layout, dynamics_config_from(model.config), 0)
     model.load_into(module)

@@ -10,7 +10,7 @@ from fairlead.core.errors import FairleadError
 from fairlead.core.roles import ActionSampler, Dynamics
 from fairlead.learning.device import CPU
 from fairlead.learning.distilled import distilled_from
-from fairlead.learning.dynamics import LearnedDynamics, dynamics_from
+from fairlead.learning.dynamics import Ensemble, LearnedDynamics, dynamics_from
 from fairlead.learning.full_dynamics import full_dynamics_from
 from fairlead.learning.model_files import Names, read_model
 from fairlead.learning.recovery import LearnedRecovery, recovery_from
@@ -24,7 +24,7 @@ def use_threads(count: int) -> None:
     torch.set_num_threads(count)
 
 
-def load_dynamics(folder: Path, scenario: Names, device: torch.device = CPU) -> LearnedDynamics:
+def load_dynamics(folder: Path, scenario: Names, device: torch.device = CPU) -> LearnedDynamics[Ensemble]:
     """The unconstrained dynamics in `folder`, trained for `scenario`."""
     return dynamics_from(read_model(folder, "dynamics", scenario), device)
 
