@@ -17,7 +17,7 @@ from fairlead.core.records import Transitions
 from fairlead.core.roles import Environment, TransitionCheck
 
 if TYPE_CHECKING:
-    from fairlead.evaluation.methods import Models
+    from fairlead.evaluation.models import Models
 
 
 @final

@@ -74,6 +74,8 @@ def test_a_seed_that_repeats_another_makes_nothing_surer() -> None:
     for one, three in zip(alone["comparisons"], repeated["comparisons"], strict=True):
         for key in ("mcnemar_p", "first_plan_mcnemar_p", "welch_p"):
             assert three[key] == pytest.approx(one[key])
+        for key in ("success_difference", "error_difference_m"):
+            assert three[key] == pytest.approx(one[key])
     assert min(item["mcnemar_p"] for item in alone["comparisons"]) < 1
 
 
@@ -84,6 +86,7 @@ def test_a_scene_counts_once_however_many_seeds_it_has() -> None:
         scenes = {row["scene"] for row in own}
         rates = [np.mean([row["success"] for row in own if row["scene"] == scene]) for scene in scenes]
         assert found["success"]["value"] == pytest.approx(np.mean(rates))
+        assert found["success_at_s"]["60"] == pytest.approx(found["success"]["value"])
 
 
 def test_only_common_scenes_are_compared() -> None:

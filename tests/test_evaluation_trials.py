@@ -32,6 +32,7 @@ from fairlead.core.artifacts import (
     write_json,
 )
 from fairlead.core.budget import Budget
+from fairlead.core.cores import machine
 from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
 from fairlead.core.records import TrialOutcome
 from fairlead.core.traces import EVENTS, read_trace
@@ -56,6 +57,7 @@ ROW = {
     "scenario", "scenes", "scene", "method", "seed", "success", "error_m", "planning_s", "execution_s", "extensions",
     "plans", "recovery_actions", "actions", "outcome", "first_plan_success", "first_plan_error_m", "times_stuck",
     "reached_at_s", "budget", "protocol", "start_residual_m", "action_outcomes", "revision",
+    "machine",
 }  # fmt: skip
 
 
@@ -152,15 +154,35 @@ def test_an_interrupted_run_goes_on_to_the_same_rows(config: TrialsConfig, finis
     assert len(again.missing) == 3
     again.run(workers=1)
     assert rows(tmp_path) == rows(finished)
-    assert read_manifest(tmp_path, "trials").extra == {"trials": 4, "scenes": 2, "revisions": [git_revision()]}
+    made_by = {"revisions": [git_revision()], "machines": [machine()]}
+    assert read_manifest(tmp_path, "trials").extra == {"trials": 4, "scenes": 2, **made_by}
 
 
 def test_rows_of_another_revision_are_told_of(config: TrialsConfig, finished: Path, tmp_path: Path) -> None:
     """Going on with other code is allowed, and the manifest says that it happened."""
     old = rows(finished)[:2]
+    shutil.copy(finished / CONFIG, tmp_path / CONFIG)
     (tmp_path / TRIALS).write_text("".join(json.dumps(row | {"revision": "older"}) + "\n" for row in old))
     Trials(config, tmp_path).run(workers=1)
     assert read_manifest(tmp_path, "trials").extra["revisions"] == sorted({"older", git_revision()})
+
+
+def test_rows_that_say_nothing_of_their_settings_are_not_gone_on_with(
+    config: TrialsConfig, finished: Path, tmp_path: Path
+) -> None:
+    shutil.copy(finished / TRIALS, tmp_path / TRIALS)
+    with pytest.raises(ArtifactError, match="trials without their"):
+        Trials(config, tmp_path)
+
+
+def test_a_trace_that_a_killed_trial_left_goes_though_its_successor_keeps_none(
+    config: TrialsConfig, tmp_path: Path
+) -> None:
+    left = tmp_path / "traces" / config.methods[0] / "scene-0-0"
+    left.mkdir(parents=True)
+    (tmp_path / TRIALS).touch()
+    Trials(replace(config, limit=1, traced=0), tmp_path).run(workers=1)
+    assert not left.exists()
 
 
 def test_nothing_is_written_before_the_run(config: TrialsConfig, finished: Path, tmp_path: Path) -> None:
@@ -297,7 +319,7 @@ def test_only_models_that_the_methods_use_belong_to_the_trials(
     assert set(read_json(out / CONFIG)["models"]) == {"dynamics"}
     manifest = models / "dynamics" / MANIFEST
     manifest.write_text(manifest.read_text() + "\n")
-    with pytest.raises(ArtifactError, match="another 'dynamics'"):
+    with pytest.raises(ArtifactError, match="another model dynamics"):
         Trials(changed, out)
     assert Trials(replace(changed, methods=("oracle",)), out).missing  # needs no model
 
@@ -306,7 +328,7 @@ def test_only_models_that_the_methods_use_belong_to_the_trials(
     "change", [{"budget": Budget(seconds=1)}, {"planner": "ompl"}, {"remember": True}, {"distilled": True}]
 )
 def test_another_configuration_is_refused(config: TrialsConfig, finished: Path, change: dict[str, Any]) -> None:
-    with pytest.raises(ArtifactError, match=f"another '{next(iter(change))}'"):
+    with pytest.raises(ArtifactError, match=f"another {next(iter(change))} "):
         Trials(replace(config, **change), finished)
     assert Trials(config, finished).missing == []
     assert (finished / MANIFEST).exists()
@@ -325,7 +347,7 @@ def test_a_finished_folder_of_an_earlier_version_stays_as_it_is(
     before = {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}
     Trials(config, out).run()
     assert {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()} == before
-    with pytest.raises(ArtifactError, match="another 'distilled'"):
+    with pytest.raises(ArtifactError, match="another distilled"):
         Trials(replace(config, distilled=True), out)
 
 
@@ -471,3 +493,18 @@ def test_repair_keeps_whole_lines_and_nothing_else(
     repair(path)
     append_jsonl(path, {"new": 1})
     assert list(read_jsonl(path)) == [*whole, {"new": 1}]
+
+
+def test_another_threshold_of_the_spread_is_refused(config: TrialsConfig, tmp_path: Path) -> None:
+    """It comes with a classifier: with another one there, trials that are missing would be others than the rest."""
+    models = tmp_path / "models"
+    shutil.copytree(config.models / "dynamics", models / "dynamics")
+    layout, inputs = scenario("dragging").layout, {"dynamics": sha256(models / "dynamics" / MANIFEST)}
+    spread = replace(config, models=models, methods=("spread-threshold",), limit=1, traced=0)
+    for name, threshold in (("trust", 0.5), ("trust-sdf", 0.1)):
+        job = Job(models / name, "dragging", 0, inputs)
+        save_model(job, "trust", "sdf", layout, DynamicsConfig(), {}, {"spread_threshold_m": threshold}, 0.0)
+        if name == "trust":
+            Trials(spread, tmp_path / "out").run()
+    with pytest.raises(ArtifactError, match=r"another spread_threshold_m \(0.5, now 0.1\)"):
+        Trials(replace(spread, limit=2), tmp_path / "out")

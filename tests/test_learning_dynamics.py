@@ -186,3 +186,6 @@ def test_mistakes_have_names(tmp_path: Path) -> None:
     bad = replace(DATA, train=replace(DATA.train, actions=DATA.train.actions * np.nan))
     with pytest.raises(FairleadError, match="loss became nan"):
         train_dynamics(bad, SMALL, Job(tmp_path / "nan", "toy"))
+    bad = replace(DATA, validation=replace(DATA.validation, actions=DATA.validation.actions * np.nan))
+    with pytest.raises(FairleadError, match="score became nan"):
+        train_dynamics(bad, SMALL, Job(tmp_path / "unjudged", "toy"))

@@ -17,7 +17,8 @@ from fairlead.cli import main as cli
 from fairlead.core.artifacts import MANIFEST, read_manifest, sha256, verify_files
 from fairlead.core.errors import ArtifactError, UnknownNameError
 from fairlead.evaluation import shipped
-from fairlead.evaluation.methods import METHODS, Models, Parts, find_method
+from fairlead.evaluation.methods import METHODS, Parts, find_method
+from fairlead.evaluation.models import Models
 from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
 from fairlead.learning.distilled import Distilled, DistilledConfig, Saved
 from fairlead.learning.dynamics import Ensemble

@@ -12,7 +12,8 @@ import pytest
 from fairlead.core import contracts, plugins
 from fairlead.core.records import Transitions
 from fairlead.core.streams import stream
-from fairlead.evaluation.methods import Models, Parts, find_method
+from fairlead.evaluation.methods import Parts, find_method
+from fairlead.evaluation.models import Models
 from fairlead.geometry.shapes import Box
 from fairlead.learning.dynamics import DynamicsConfig, Ensemble
 from fairlead.learning.model_files import Job, save_model

@@ -61,6 +61,32 @@ def test_the_same_folders_give_the_same_page(trials: Path, tmp_path: Path) -> No
     assert pages[0] == pages[1]
 
 
+def test_a_manifest_of_somebody_else_is_passed_over(trials: Path, tmp_path: Path) -> None:
+    write_json(tmp_path / "theirs" / "manifest.json", ["not", "ours"])
+    assert len(find_sources([tmp_path, trials]).trials) == 1
+
+
+def test_there_is_no_mean_over_sets_of_different_budgets(trials: Path, tmp_path: Path) -> None:
+    """Nor does the headline say that one set's numbers are a mean."""
+    longer, other = tmp_path / "longer", tmp_path / "other"
+    for folder, budget in ((longer, "seconds=180"), (other, "seconds=60")):
+        shutil.copytree(trials, folder)
+        rows = [{**row, "budget": budget} for row in synthetic.rows(scenes=6)]
+        write_json(folder / "summary.json", summarise(rows, tuple(synthetic.RATES), 0))
+        about = {"scenario": folder.name, "scenes": "made-up", "budget": budget, "protocol": "fair", "planner": "rrt"}
+        Manifest("trials", about, 0, {}, {}, {}).write(folder)
+    page, alike = (
+        write_report([trials, folder], tmp_path / f"page-{folder.name}", videos=False)
+        .with_name("report.md")
+        .read_text()
+        for folder in (longer, other)
+    )
+    assert "Mean success" not in page
+    assert "| mean |" not in page
+    assert "Mean success and error over 2 sets" in alike
+    assert "| mean |" in alike
+
+
 def test_every_trial_is_a_cell(trials: Path, tmp_path: Path) -> None:
     page = write_report([trials.parent], tmp_path, videos=False).read_text()
     assert page.count('title="scene-') == len(synthetic.rows(scenes=6))

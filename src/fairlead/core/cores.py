@@ -1,10 +1,20 @@
-"""How many processor cores this process may use."""
+"""How many processor cores this process may use, and of what."""
 
 from __future__ import annotations
 
 import os
+import platform
+from pathlib import Path
 
 
 def cores() -> int:
     """Those it is bound to, where the system tells; else those of the machine."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def machine() -> str:
+    """The cores and their model, where the system tells it; else their architecture."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.exists() else []
+    models = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return f"{cores()} x {next(models, platform.processor() or platform.machine())}"

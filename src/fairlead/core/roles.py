@@ -34,7 +34,7 @@ class Environment(ABC):
 
     @abstractmethod
     def distance_and_gradient(self, points: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 4"]:
-        """Signed distance [m] and its gradient, looked up on a grid computed once: for planning."""
+        """Signed distance [m] and its gradient, exact or looked up on a grid computed once: for planning."""
 
     @abstractmethod
     def occupancy(self, resolution: float) -> tuple[Bool[np.ndarray, "nx ny nz"], Float[np.ndarray, " 3"]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,7 +15,8 @@ from fairlead.core.budget import Budget
 from fairlead.core.errors import FairleadError
 from fairlead.core.roles import World
 from fairlead.core.streams import stream, stream_seed
-from fairlead.evaluation.methods import Models, Parts, find_method
+from fairlead.evaluation.methods import Parts, find_method
+from fairlead.evaluation.models import Models
 from fairlead.execution.trace import NoTrace, Recorder, TraceFolder
 from fairlead.execution.trial import Protocol, Task, run_trial
 from fairlead.planning.memory import CutShort
@@ -72,7 +72,8 @@ class TrialsConfig:
         reference: the method that is compared with each of the others. None: what was stated for these trials before,
             else the first in the table of methods.
         differences: of the world of execution from that of training.
-        remember: keep away from actions that were cut short in the same trial, in planning and recovery.
+        remember: keep away from actions that were cut short in the same trial, in planning and recovery; the more there
+            were hereabouts, the rather learned recovery acts at random.
         distilled: plan with the network that was distilled from the ensemble, where a method plans with the learned
             dynamics.
     """
@@ -181,8 +182,4 @@ def scaled(budget: Budget, factor: float) -> Budget:
 
 
 def _recorder(job: Job, names: Row) -> Recorder:
-    """A fresh trace: what a killed trial left there goes."""
-    if job.trace is None:
-        return NoTrace()
-    shutil.rmtree(job.trace, ignore_errors=True)
-    return TraceFolder(job.trace, names)
+    return NoTrace() if job.trace is None else TraceFolder(job.trace, names)

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cached_property
-from pathlib import Path
 from typing import TypeVar, final
 
 from fairlead.core import plugins
-from fairlead.core.artifacts import MANIFEST, read_json, read_manifest, sha256
+from fairlead.core.artifacts import MANIFEST
 from fairlead.core.errors import ArtifactError, UnknownNameError
-from fairlead.core.roles import ActionSampler, Dynamics, RecoveryPolicy, TransitionCheck
-from fairlead.learning.packing import PACKED_FROM
+from fairlead.core.roles import Dynamics, RecoveryPolicy, TransitionCheck
+from fairlead.evaluation.models import Models
 from fairlead.learning.registry import load_check, load_distilled, load_dynamics, load_full_dynamics, load_recovery
 from fairlead.planning.checks import AcceptAll, CollisionCheck, SpreadThreshold
-from fairlead.planning.memory import CutShort, DoubtfulRecovery, UntriedActions
+from fairlead.planning.memory import DoubtfulRecovery
 from fairlead.planning.problem import Problem
 from fairlead.planning.recovery import NoRecovery, PlannedRecovery, RandomRecovery
 from fairlead.planning.rrt import BatchedRRT
 from fairlead.scenarios.arms_check import recovery_within_reach, within_reach
 from fairlead.scenarios.oracle import SimulatorDynamics
-from fairlead.scenarios.scenario import Scenario
 from fairlead.scenarios.scene_files import Scene
 
 T = TypeVar("T")
@@ -77,61 +74,6 @@ METHODS: dict[str, Method] = {
     "oracle": Method("simulator", "accept-all", "none", "Plans with the simulator itself: what is solvable.", 5.0),
 }
 """In the order to report; without another word the first that was tried is compared with each of the others."""
-
-
-@final
-class Models:
-    """The trained models of a scenario, in the folders of one folder; each is read when a method asks for it.
-
-    Folders: dynamics, distilled, full-dynamics, trust, trust-sdf, recovery, recovery-sdf. `hashes` maps the name of
-    each that was asked for to the SHA-256 of its manifest. `sampler` draws the actions of planning and recovery as the
-    scenario does, or, where a trial is to `remember`, keeps away from those that it has `tried`. The learned dynamics
-    are the ensemble, or what was `distilled` from it.
-    """
-
-    def __init__(
-        self,
-        folder: Path,
-        scenario: Scenario,
-        tried: CutShort | None = None,
-        remember: bool = False,
-        distilled: bool = False,
-    ) -> None:
-        self.folder, self.scenario, self.distilled = folder, scenario, distilled
-        self.tried, self.remember = tried or CutShort(scenario.layout), remember
-        self.sampler: ActionSampler = UntriedActions(scenario.sampler, self.tried) if remember else scenario.sampler
-        self.hashes: dict[str, str] = {}
-
-    def folder_of(self, name: str) -> Path:
-        """The folder of a finished model.
-
-        Raises:
-            ArtifactError: there is none, or it was trained on dynamics or for a classifier other than those beside it,
-                whose predictions and delta may differ.
-        """
-        folder = self.folder / name
-        if not (folder / MANIFEST).exists():
-            there = ", ".join(sorted(path.parent.name for path in self.folder.glob(f"*/{MANIFEST}"))) or "none"
-            raise ArtifactError(folder, f"no finished model; here are: {there}; train it, or choose another --models")
-        made_from = read_manifest(folder, "model").inputs
-        for kind, model in (("dynamics", "dynamics"), ("trust", name.replace("recovery", "trust"))):
-            if kind in made_from and made_from[kind] not in _hashes(self.folder_of(model)):
-                raise ArtifactError(folder, f"trained with another '{model}' than the one beside it; train it again")
-        self.hashes[name] = sha256(folder / MANIFEST)
-        return folder
-
-    @cached_property
-    def spread_threshold_m(self) -> float:
-        """The trusted spread: the best balanced accuracy on the validation labels of a classifier's training."""
-        for name in ("trust-sdf", "trust"):
-            if (self.folder / name / MANIFEST).exists():
-                return float(read_json(self.folder_of(name) / "metrics.json")["spread_threshold_m"])
-        raise ArtifactError(self.folder, "no trust or trust-sdf model, whose validation labels give the threshold")
-
-
-def _hashes(folder: Path) -> tuple[str, str | None]:
-    """By which hashes a model may name the one in `folder` as its input: a packed one goes by its origin's, too."""
-    return sha256(folder / MANIFEST), read_manifest(folder, "model").extra.get(PACKED_FROM)
 
 
 DYNAMICS: dict[str, Callable[[Models], Dynamics]] = {

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy import stats
 
 
@@ -68,21 +68,11 @@ def welch_p(errors: Float[np.ndarray, " ours"], baseline: Float[np.ndarray, " th
 
 
 def paired_bootstrap(
-    differences: Float[np.ndarray, " pair"],
-    groups: Int[np.ndarray, " pair"],
-    rng: np.random.Generator,
-    resamples: int = 10_000,
+    differences: Float[np.ndarray, " scene"], rng: np.random.Generator, resamples: int = 10_000
 ) -> Interval:
-    """Mean of paired differences with a percentile interval.
-
-    Pairs of one scene resemble each other, so whole scenes (`groups`) are resampled, not single pairs.
-    """
-    _, index = np.unique(groups, return_inverse=True)
-    sums = np.bincount(index, weights=differences)
-    counts = np.bincount(index)
-    drawn = rng.integers(len(sums), size=(resamples, len(sums)))
-    means = sums[drawn].sum(axis=1) / counts[drawn].sum(axis=1)
-    low, high = np.quantile(means, [0.025, 0.975])
+    """Mean of paired differences, one a scene, with a percentile interval; of no width where all are alike."""
+    drawn = rng.integers(len(differences), size=(resamples, len(differences)))
+    low, high = np.quantile(differences[drawn].mean(axis=1), [0.025, 0.975])
     return Interval(float(np.mean(differences)), float(low), float(high))
 
 

@@ -40,7 +40,10 @@ def _total(rows: Sequence[Row], key: str) -> int:
 
 
 def _by_scene(rows: Sequence[Row], key: str) -> dict[str, float]:
-    """The mean of a column over the seeds of each scene."""
+    """The mean of a column over the seeds of each scene.
+
+    Where there was no first plan, because a trial ended before one was executed, it is counted as one that failed.
+    """
     found: dict[str, list[float]] = {}
     for row in rows:
         found.setdefault(row["scene"], []).append(float(row[key] or 0))
@@ -54,10 +57,16 @@ def _rate(rows: Sequence[Row], key: str) -> dict[str, float]:
 
 
 def _method_summary(rows: Sequence[Row]) -> dict[str, Any]:
-    """Everything reported about one method; rates with Wilson intervals, errors in metres, times in seconds."""
+    """Everything reported about one method; rates with Wilson intervals, errors in metres, times in seconds.
+
+    Errors, outcomes and effort are of trials, not of scenes.
+    """
     seconds = Budget.parse(rows[0]["budget"]).seconds
     times = [time for time in TIMES_S if time <= seconds < math.inf]
-    reached = success_against([row["reached_at_s"] for row in rows], np.array(times))
+    reached_at: dict[str, list[float | None]] = {}
+    for row in rows:
+        reached_at.setdefault(row["scene"], []).append(row["reached_at_s"])
+    reached = np.mean([success_against(of, np.array(times)) for of in reached_at.values()], axis=0)
     return {
         "trials": len(rows),
         "budget": rows[0]["budget"],
@@ -83,21 +92,22 @@ def _comparison(ours: Sequence[Row], baseline: Sequence[Row], rng: np.random.Gen
     result: dict[str, Any] = {"pairs": len(pairs), "welch_p": None}
     if not pairs:
         return result
-    errors = [np.array(list(_by_scene([pair[side] for pair in pairs], "error_m").values())) for side in (0, 1)]
+
+    def means(key: str) -> tuple[np.ndarray, np.ndarray]:
+        """Ours and theirs, in the same order of scenes."""
+        mine, other = (np.array(list(_by_scene([pair[side] for pair in pairs], key).values())) for side in (0, 1))
+        return mine, other
+
+    errors, success, first = means("error_m"), means("success"), means("first_plan_success")
     result["welch_p"] = welch_p(*errors)
-    _, scenes = np.unique([a["scene"] for a, _ in pairs], return_inverse=True)
-    for key, name in (("success", "mcnemar_p"), ("first_plan_success", "first_plan_mcnemar_p")):
-        means = [_by_scene([pair[side] for pair in pairs], key) for side in (0, 1)]
-        gain = np.array([means[0][scene] - means[1][scene] for scene in means[0]])
-        result[name] = mcnemar_p(gain > 0, gain < 0)
-    if scenes.max() == 0:
+    for name, (mine, other) in (("mcnemar_p", success), ("first_plan_mcnemar_p", first)):
+        result[name] = mcnemar_p(mine > other, mine < other)
+    if len(errors[0]) == 1:
         # Resampling a single scene always gives that scene: an interval of no width, which would be a lie.
         return result
-    success = np.array([float(a["success"]) - float(b["success"]) for a, b in pairs])
-    error = np.array([a["error_m"] - b["error_m"] for a, b in pairs])
     return result | {
-        "success_difference": asdict(paired_bootstrap(success, scenes, rng)),
-        "error_difference_m": asdict(paired_bootstrap(error, scenes, rng)),
+        "success_difference": asdict(paired_bootstrap(success[0] - success[1], rng)),
+        "error_difference_m": asdict(paired_bootstrap(errors[0] - errors[1], rng)),
     }
 
 

@@ -3,7 +3,7 @@
 A folder of trials holds:
 
     config.json     what runs that share the folder must have in common, and the reference where one was stated
-    trials.jsonl    one object a trial, with the revision of the code, appended and synced as it ends
+    trials.jsonl    one object a trial, with the revision of the code and the machine, appended and synced as it ends
     traces/METHOD/SCENE-SEED/   the traces that were asked for
     scenes.json     the scenes that were tried
     summary.json    the statistics of all its trials
@@ -13,6 +13,7 @@ A folder of trials holds:
 from __future__ import annotations
 
 import math
+import shutil
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -33,7 +34,7 @@ from fairlead.core.artifacts import (
     write_atomic,
     write_json,
 )
-from fairlead.core.cores import cores
+from fairlead.core.cores import cores, machine
 from fairlead.core.errors import ArtifactError, UnknownNameError
 from fairlead.evaluation.bench import Bench, Job, Row, TrialsConfig
 from fairlead.evaluation.methods import in_order
@@ -90,9 +91,12 @@ class Trials:
             self.missing = _missing(self._bench, self._out)
             if self.missing:
                 (self._out / MANIFEST).unlink(missing_ok=True)
+            made_by = {"revision": self._revision, "machine": machine()}
+            for job in self.missing:
+                shutil.rmtree(self._out / "traces" / job.method / f"{job.scene}-{job.seed}", ignore_errors=True)
             with closing(run_jobs(self._bench.config, self.missing, workers)) as rows:
                 for row in rows:
-                    append_jsonl(self._out / TRIALS, row | {"revision": self._revision})
+                    append_jsonl(self._out / TRIALS, row | made_by)
                     ended(row)
             return _finish(self._bench, self._out, time.monotonic() - started)
 
@@ -120,6 +124,7 @@ def identity(bench: Bench) -> dict[str, Any]:
         "scenes": config.scenes.stem,
         "scenes_sha256": sha256(config.scenes),
         "models": dict(bench.models.hashes),
+        **bench.models.settings,
         "budget": str(config.budget),
         "protocol": config.protocol.label,
         "planner": config.planner,
@@ -142,15 +147,24 @@ def _merged(out: Path, wanted: dict[str, Any], reference: str | None) -> dict[st
     path = out / CONFIG
     found = {**OFF, **read_json(path)} if path.exists() else {"models": {}}
     if "models" not in found:
-        raise ArtifactError(path, "not the configuration of trials; use another --out")
-    before, now = ({**config, **config["models"], "models": None} for config in (found, wanted))
+        raise ArtifactError(path, "not the configuration of trials; choose another --out")
+    if not path.exists() and any(read_jsonl(out / TRIALS)):
+        raise ArtifactError(out / TRIALS, f"trials without their {CONFIG}, of nobody knows what; choose another --out")
+    before, now = (_flat(config) for config in (found, wanted))
     for key, value in now.items():
         if key in before and before[key] != value:
-            raise ArtifactError(path, f"these trials had another '{key}' ({before[key]}, now {value}); use --out")
+            was, now_is = (text[:12] if key.startswith("model ") else text for text in (str(before[key]), str(value)))
+            raise ArtifactError(path, f"these trials had another {key} ({was}, now {now_is}); choose another --out")
     merged = {**found, **wanted, "models": {**found["models"], **wanted["models"]}}
     if reference is not None:
         merged["reference"] = reference
     return merged
+
+
+def _flat(config: dict[str, Any]) -> dict[str, Any]:
+    """Settings by their names, models as `model NAME`."""
+    models = {f"model {name}": value for name, value in config["models"].items()}
+    return {**{key: value for key, value in config.items() if key != "models"}, **models}
 
 
 def _claim(out: Path, config: dict[str, Any]) -> None:
@@ -190,7 +204,7 @@ def _finish(bench: Bench, out: Path, wall_s: float) -> dict[str, Any]:
     inputs = {"scenes": about.pop("scenes_sha256"), **about.pop("models")}
     about |= {"methods": methods, "seeds": seeds, "reference": summary["reference"]}
     files = {name: sha256(out / name) for name in (CONFIG, TRIALS, SUMMARY, SCENES)}
-    revisions = sorted({row.get("revision", "unknown") for row in rows})
-    extra = {"trials": len(rows), "scenes": len(scenes), "revisions": revisions}
+    extra = {"trials": len(rows), "scenes": len(scenes)}
+    extra |= {f"{key}s": sorted({row.get(key, "unknown") for row in rows}) for key in ("revision", "machine")}
     Manifest("trials", about, seeds[0], files, inputs, extra, wall_s).write(out)
     return summary

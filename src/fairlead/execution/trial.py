@@ -183,7 +183,7 @@ class _Trial:
         """One recovery action; false where the policy declines."""
         self._stuck += 1
         self._stuck_here += 1
-        rng, recovery = stream(self._seed, "recovery", self._recoveries), self._task.recovery
+        rng, recovery = stream(self._seed, "recovery", self._stuck - 1), self._task.recovery
         before = recovery.extensions
         self._meter.start_planning()
         try:

@@ -34,7 +34,7 @@ from fairlead.learning.dynamics import (
     dynamics_config_from,
 )
 from fairlead.learning.ensemble import ensemble_mlp
-from fairlead.learning.fit import Stage, Task, fit
+from fairlead.learning.fit import Stage, Task, fit, stages_from
 from fairlead.learning.model_files import Job, ModelFile, save_model
 from fairlead.learning.rollout import Splits, roll_out, roll_out_all
 
@@ -203,7 +203,7 @@ class Saved:
 def distilled_from(model: ModelFile, device: torch.device = CPU) -> LearnedDynamics[Distilled]:
     """The dynamics of a model that was read."""
     values: Mapping[str, Any] = model.config["distilled"]
-    config = DistilledConfig(**{**values, "stages": tuple(Stage(**stage) for stage in values["stages"])})
+    config = DistilledConfig(**{**values, "stages": stages_from(values["stages"])})
     module = Distilled(model.layout, dynamics_config_from(model.config["dynamics"]), config, 0)
     model.load_into(module)
     return LearnedDynamics(module.to(device))

@@ -22,7 +22,7 @@ from fairlead.core.records import ActionOutcome, Prediction
 from fairlead.core.roles import Dynamics, Environment
 from fairlead.core.streams import stream_seed
 from fairlead.learning.device import CPU, beside, device_of
-from fairlead.learning.fit import Stage, Task, fit
+from fairlead.learning.fit import Stage, Task, fit, stages_from
 from fairlead.learning.model_files import Job, ModelFile, save_model
 from fairlead.learning.networks import NETWORKS, Shape
 from fairlead.learning.rollout import Splits, Windows, dynamics_metrics, rollout_errors
@@ -130,7 +130,7 @@ class Ensemble(FreeMotion):
     def _turn(
         self, positions: Float[Tensor, "member batch position 3"], wanted: Float[Tensor, "member batch gripper 3"]
     ) -> Float[Tensor, "member batch axis axis"]:
-        """Columns are the local axes, turned about the vertical as in `geometry.frames.heading`."""
+        """Columns are the local axes, turned about the vertical as `geometry.frames.heading`, in single precision."""
         count = wanted.shape[2]
         along = (positions[:, :, count - 1] - positions[:, :, 0] if count > 1 else wanted[:, :, 0])[..., :2].detach()
         length = along.norm(dim=-1, keepdim=True)
@@ -247,7 +247,7 @@ def train_dynamics(data: Splits, config: DynamicsConfig, job: Job) -> LearnedDyn
 
 def dynamics_config_from(values: Mapping[str, Any]) -> DynamicsConfig:
     """The configuration as a model's `config.json` has it."""
-    return DynamicsConfig(**{**values, "stages": tuple(Stage(**stage) for stage in values["stages"])})
+    return DynamicsConfig(**{**values, "stages": stages_from(values["stages"])})
 
 
 def dynamics_from(model: ModelFile, device: torch.device = CPU) -> LearnedDynamics[Ensemble]:

@@ -10,6 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -50,6 +51,11 @@ class Stage:
     def rate_at(self, progress: float) -> float:
         """The learning rate when a fraction `progress` of the stage is done."""
         return self.rate * (LAST_RATE + (1 - LAST_RATE) * (1 + math.cos(math.pi * progress)) / 2)
+
+
+def stages_from(values: Sequence[Mapping[str, Any]]) -> tuple[Stage, ...]:
+    """The stages of a configuration read from JSON."""
+    return tuple(Stage(**stage) for stage in values)
 
 
 class Task(ABC):
@@ -100,7 +106,7 @@ def fit(
 
     Raises:
         ArtifactError: the checkpoint belongs to another `key`.
-        FairleadError: the loss is no longer finite.
+        FairleadError: the loss or the score is no longer finite.
     """
     path, state = folder / CHECKPOINT, _State()
     best = {name: value.clone() for name, value in task.module.state_dict().items()}
@@ -116,6 +122,9 @@ def fit(
             stage = stages[state.stage]
             row = _epoch(task, stage, state, optimiser, stream(seed, "fit", state.stage, state.epoch))
             row["score"] = task.score()
+            if not math.isfinite(row["score"]):
+                raise FairleadError(f"the score became {row['score']} in stage {state.stage + 1}: lower its rate "
+                                    f"(now {stage.rate:g})")  # fmt: skip
             state.history.append(row)
             if row["score"] < state.best:
                 state.best, state.best_epoch = row["score"], len(state.history) - 1

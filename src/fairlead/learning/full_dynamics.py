@@ -24,7 +24,7 @@ from fairlead.core.streams import stream_seed
 from fairlead.geometry.frames import local_origin
 from fairlead.learning.device import beside, device_of
 from fairlead.learning.dynamics import UNIT_M, RolloutTask
-from fairlead.learning.fit import Stage, fit
+from fairlead.learning.fit import Stage, fit, stages_from
 from fairlead.learning.labels import CUT_BY_ARMS
 from fairlead.learning.model_files import Job, ModelFile, save_model
 from fairlead.learning.rollout import Splits, dynamics_metrics
@@ -179,7 +179,7 @@ def train_full_dynamics(data: Splits, config: FullDynamicsConfig, job: Job) -> L
 def full_dynamics_from(model: ModelFile) -> LearnedFullDynamics:
     """The baseline of a model that was read."""
     values: dict[str, Any] = model.config
-    stages = tuple(Stage(**stage) for stage in values["stages"])
+    stages = stages_from(values["stages"])
     grid = VoxelGrid(**{**values["grid"], "shape": tuple(values["grid"]["shape"])})
     module = _build(model.layout, FullDynamicsConfig(**{**values, "stages": stages, "grid": grid}), 0)
     model.load_into(module)

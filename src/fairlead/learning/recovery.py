@@ -16,7 +16,7 @@ from fairlead.core.errors import FairleadError
 from fairlead.core.roles import ActionSampler, Dynamics, Environment, RecoveryPolicy, TransitionCheck
 from fairlead.core.streams import stream, stream_seed
 from fairlead.learning.device import beside
-from fairlead.learning.fit import Stage, Task, fit
+from fairlead.learning.fit import Stage, Task, fit, stages_from
 from fairlead.learning.labels import CUT_BY_ARMS
 from fairlead.learning.metrics import log_loss
 from fairlead.learning.model_files import Job, ModelFile, save_model
@@ -182,7 +182,7 @@ def _build(trust: TrustNetwork, config: RecoveryConfig, seed: int) -> RecoveryNe
 def recovery_from(model: ModelFile, sampler: ActionSampler) -> LearnedRecovery:
     """The recovery policy of a model that was read."""
     values = model.config["recovery"]
-    config = RecoveryConfig(**{**values, "stages": tuple(Stage(**stage) for stage in values["stages"])})
+    config = RecoveryConfig(**{**values, "stages": stages_from(values["stages"])})
     network = None
     if model.metrics["trained"]:
         network = _build(build_network(model.layout, trust_config_from(model.config["trust"]), 0), config, 0)

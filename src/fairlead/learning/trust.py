@@ -18,7 +18,7 @@ from fairlead.core.records import Trajectories, Transitions
 from fairlead.core.roles import Dynamics, Environment, TransitionCheck
 from fairlead.core.streams import stream, stream_seed
 from fairlead.learning.device import CPU, beside
-from fairlead.learning.fit import Stage, Task, fit
+from fairlead.learning.fit import Stage, Task, fit, stages_from
 from fairlead.learning.labels import CUT_BY_ARMS, RULES, Examples, label
 from fairlead.learning.metrics import balanced_log_loss, best_threshold, classification
 from fairlead.learning.model_files import Job, ModelFile, save_model
@@ -166,7 +166,7 @@ def fit_trust(labelled: Labelled, config: TrustConfig, job: Job, started: float 
 
 def trust_config_from(values: dict[str, Any]) -> TrustConfig:
     """A configuration read from JSON."""
-    stages = tuple(Stage(**stage) for stage in values["stages"])
+    stages = stages_from(values["stages"])
     grid = VoxelGrid(**{**values["grid"], "shape": tuple(values["grid"]["shape"])})
     return TrustConfig(**{**values, "stages": stages, "grid": grid})
 

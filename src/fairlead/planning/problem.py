@@ -74,7 +74,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """What both planners share (paper, "Planning"; its authors' numbers, but for the limits of an attempt).
+    """What all planners share (paper, "Planning"; its authors' numbers, but for the limits of an attempt).
 
     Args:
         goal_bias: how often the tree is steered to the goal instead of a random state.

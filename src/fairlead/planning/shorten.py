@@ -32,7 +32,7 @@ def expected_length(plan: Plan, problem: Problem) -> float:
     goal: 1 from its middle, a half from its rim. Of several grippers the one that moves farthest counts.
     """
     error, tolerance = float(problem.goal.error(plan.states[-1])), problem.goal.tolerance
-    chance = np.prod(plan.trust) * (1 - min(error / tolerance, 1) / 2 if tolerance > 0 else 1)
+    chance = np.prod(plan.trust, dtype=float) * (1 - min(error / tolerance, 1) / 2 if tolerance > 0 else 1)
     return float(_moves(problem, plan.states[:-1], plan.actions).sum() / chance)
 
 

@@ -55,10 +55,10 @@ def _headline(sources: Sources) -> tuple[str, str]:
         return "Fairlead", "Models and data; no trials yet."
     trials, references = sources.trials[0], {trials.reference for trials in sources.trials}
     if len({trials.config["scenario"] for trials in sources.trials}) > 1 and len(references) == 1:
-        means = tables.overview_table({str(trials.folder): trials.summary for trials in sources.trials})
-        found = dict(zip(means.columns[2:-1], means.rows[-1][2:-1], strict=True))
-        text = "; ".join(f"{name} {value}" for name, value in found.items() if value != "-")
-        return TITLE.capitalize(), f"Mean success and error over {len(sources.trials)} sets of trials: {text}."
+        means = tables.means({str(trials.folder): trials.summary for trials in sources.trials})
+        if means:
+            text = "; ".join(f"{name} {value}" for name, value in means.items())
+            return TITLE.capitalize(), f"Mean success and error over {len(sources.trials)} sets of trials: {text}."
     methods, scenario = trials.summary["methods"], trials.config["scenario"].replace("_", "-")
     ours = trials.reference
     tried = counted(methods[ours]["trials"], "trial") + (f" ({trials.name})" if len(sources.trials) > 1 else "")

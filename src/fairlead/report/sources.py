@@ -128,7 +128,9 @@ def find_sources(folders: Sequence[Path]) -> Sources:
         if not folder.is_dir():
             raise ArtifactError(folder, "no such folder")
         for path in sorted(folder.rglob(MANIFEST)):
-            kinds.setdefault(str(read_json(path).get("kind")), {})[path.parent] = None
+            manifest = read_json(path)
+            if isinstance(manifest, dict):  # others write files of this name, too
+                kinds.setdefault(str(manifest.get("kind")), {})[path.parent] = None
     wholes = kinds["sensitivity"].keys()
     found = {kind: tuple(path for path in kinds[kind] if wholes.isdisjoint(path.parents)) for kind in _KINDS}
     if not any(found.values()):

@@ -50,6 +50,8 @@ def _difference(interval: Mapping[str, float] | None, scale: float, digits: int)
     if interval is None:
         return "-"
     low, value, high = (scale * interval[key] for key in ("low", "value", "high"))
+    if low == high:
+        return f"{value:+.{digits}f}"
     return f"{value:+.{digits}f} [{low:+.{digits}f}, {high:+.{digits}f}]"
 
 
@@ -90,20 +92,29 @@ def overview_table(summaries: Mapping[str, Summary]) -> Table:
                  for name in names]  # fmt: skip
         recovered = summary["methods"][reference]["recovery_actions"]
         rows.append((title, str(_most(summary)), *cells, f"{recovered} ({reference})"))
-    means = []
-    for name in names:
-        entries = [found[name] for found in map(whole, summaries.values()) if name in found]
-        both = (sum(values) / len(entries) for values in zip(
-            *((entry["success"]["value"], entry["error_m"]["mean"]) for entry in entries), strict=True))  # fmt: skip
-        alike = len(entries) == len(summaries) and len({entry["budget"] for entry in entries}) == 1
-        means.append(_outcome(*both) if alike else "-")
+    mean = means(summaries)
     columns = ("trials of", "scenes and seeds", *names, "recovery actions")
     note = (
         "Success and mean final error of methods that were tried on the whole set. "
         "Recovery actions: those of the reference, in all."
     )
-    mean = [("mean", "", *means, "")] if set(means) != {"-"} else []
-    return Table("Overview", columns, (*rows, *mean), note)
+    if mean:
+        rows.append(("mean", "", *(mean.get(name, "-") for name in names), ""))
+    return Table("Overview", columns, tuple(rows), note)
+
+
+def means(summaries: Mapping[str, Summary]) -> dict[str, str]:
+    """Mean success and error of each method that was tried on the whole of every set with the same budget."""
+    found, text = [whole(summary) for summary in summaries.values()], {}
+    for name in found[0]:
+        entries = [methods[name] for methods in found if name in methods]
+        if len(entries) == len(found) and len({entry["budget"] for entry in entries}) == 1:
+            success, error_m = (
+                sum(values) / len(entries)
+                for values in zip(*((e["success"]["value"], e["error_m"]["mean"]) for e in entries), strict=True)
+            )
+            text[name] = _outcome(success, error_m)
+    return text
 
 
 def _outcome(success: float, error_m: float) -> str:
@@ -126,7 +137,10 @@ def success_table(summary: Summary, budget: str) -> Table:
         )
         for name, entry in methods.items()
     ]
-    note = "Rates with 95 % Wilson intervals. First plan alone: executed open loop, before any re-planning."
+    note = (
+        "Rates with 95 % Wilson intervals. First plan alone: executed open loop, before any re-planning; "
+        "a trial that recovery ended before any plan has none, and counts as one whose first plan failed."
+    )
     return Table("Success", columns, tuple(rows), note)
 
 
@@ -164,7 +178,8 @@ def comparison_table(summary: Summary) -> Table:
     ]
     columns = ("pair", "trials", "success [points]", "McNemar P", "first plans P", "error [m]", "t-test P")
     note = (
-        "Differences on the same scenes and seeds, with 95 % intervals from a bootstrap over scenes. McNemar: exact, "
+        "Differences on the same scenes and seeds, with 95 % intervals from a bootstrap over scenes, where "
+        "these differ. McNemar: exact, "
         "one-sided, of first plans too. t-test: the paper's, one-sided on the final error, unpaired (Welch). For tests "
         "and for intervals of rates a scene counts once, with the mean of its seeds."
     )

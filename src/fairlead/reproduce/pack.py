@@ -13,7 +13,7 @@ from fairlead.core.artifacts import MANIFEST, read_manifest, write_atomic
 from fairlead.core.errors import ArtifactError
 from fairlead.core.records import Transitions
 from fairlead.core.streams import stream
-from fairlead.evaluation.methods import Models
+from fairlead.evaluation.models import Models
 from fairlead.evaluation.shipped import benchmark_scenes
 from fairlead.learning.packing import PACKED_FROM, Packed, Probe, pack_model
 from fairlead.learning.registry import load_dynamics

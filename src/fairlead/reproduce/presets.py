@@ -58,8 +58,9 @@ class Preset:
             For all others the two protocols are the same.
         counted: budget of further trials, on the first set with the first seed, that do not depend on the clock:
             several planning attempts.
-        improved: methods that are tried on each set with a better planner too, for 60 s.
+        improved: methods that are tried on each set with a better planner too.
         improved_planner: its name.
+        improved_budget: of each of these trials.
         distilled: the dynamics are distilled, and these trials plan with that; None for the ensemble.
         improved_seeds: of these trials.
         sensitivity: trust at other deltas (Fig. S2); None for without.
@@ -88,6 +89,7 @@ class Preset:
     counted: Budget | None = None
     improved: tuple[str, ...] = ()
     improved_planner: str = RELAXED
+    improved_budget: Budget = field(default_factory=lambda: Budget(seconds=60))
     distilled: DistilledConfig | None = None
     improved_seeds: tuple[int, ...] = (0,)
     sensitivity: SensitivityConfig | None = None

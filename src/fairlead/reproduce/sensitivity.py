@@ -13,7 +13,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from fairlead.core.artifacts import MANIFEST, Manifest, read_json, read_manifest, sha256, write_json
+from fairlead.core.artifacts import MANIFEST, Manifest, read_json, read_manifest, sha256, verify_files, write_json
 from fairlead.evaluation.bench import TrialsConfig
 from fairlead.learning.model_files import Job
 from fairlead.learning.registry import load_delta, load_dynamics
@@ -64,12 +64,12 @@ def sensitivity(
         _link(folder / "dynamics", dynamics)
         settings = replace(trust, delta_m=delta)
         stages.train_once(scenario, folder / METHOD, settings, made_from, seed, partial(train, delta))
-        trials = TrialsConfig(scenario.name, folder, scenes, (METHOD,), config.budget, seeds=(seed,), traced=0)
+        trials = TrialsConfig(scenario.name, folder, scenes, (METHOD,), config.budget, traced=0)
         summary = try_all(trials, folder / "trials", workers, bar)
         rows.append(_row(delta, summary["methods"][METHOD], read_json(folder / METHOD / "metrics.json")["test"]))
         inputs[folder.name] = sha256(folder / "trials" / MANIFEST)
     if inputs == before:
-        return
+        return verify_files(out, read_manifest(out, KIND))
     write_json(out / ROWS, rows)
     about = {"scenario": scenario.name, "method": METHOD, "budget": str(config.budget)}
     extra = {"own_delta_m": load_delta(dynamics, scenario.kin)}

@@ -90,8 +90,8 @@ def _difference(found: Any, wanted: Any) -> str:
     """The first that differs of two values, or of what two tables hold."""
     if not (isinstance(found, dict) and isinstance(wanted, dict)):
         return f"{found}, not {wanted}"
-    key = next(key for key in {**found, **wanted} if found.get(key) != wanted.get(key))
-    return f"{key}: {found.get(key)}, not {wanted.get(key)}"
+    key = next(key for key in {**found, **wanted} if found.get(key, "-") != wanted.get(key, "-"))
+    return f"{key}: {found.get(key, '-')}, not {wanted.get(key, '-')}"
 
 
 def reused(source: Path, folder: Path) -> None:
@@ -176,17 +176,18 @@ def recovery(
 def evidence(scenario: Scenario, data: Data, dynamics: Path, trust: Path, out: Path, seed: int) -> None:
     """Write what the report draws of single examples: Fig. 3, Fig. 5 and Fig. S1 of the paper."""
     inputs = _hashes({"data": data, "dynamics": dynamics, "trust": trust})
-    if (out / MANIFEST).exists() and read_manifest(out, "evidence").inputs == inputs:
-        return
-    grid = trust_config_from(read_json(trust / "config.json")["config"]).grid
-    write_evidence(
-        load_dynamics(dynamics, scenario.kin),
-        load_check(trust, scenario.kin),
-        splits(data, scenario, 2).test,
-        read_json(trust / "metrics.json")["delta_m"],
-        grid,
-        scenario.rope_radius + CONTACT_M,
-        out,
-        seed,
-        inputs,
-    )
+    with alone(out):
+        if (out / MANIFEST).exists() and (manifest := read_manifest(out, "evidence")).inputs == inputs:
+            return verify_files(out, manifest)
+        grid = trust_config_from(read_json(trust / "config.json")["config"]).grid
+        write_evidence(
+            load_dynamics(dynamics, scenario.kin),
+            load_check(trust, scenario.kin),
+            splits(data, scenario, 2).test,
+            read_json(trust / "metrics.json")["delta_m"],
+            grid,
+            scenario.rope_radius + CONTACT_M,
+            out,
+            seed,
+            inputs,
+        )

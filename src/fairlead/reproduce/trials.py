@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from fairlead.core.budget import Budget
 from fairlead.evaluation.bench import TrialsConfig
 from fairlead.evaluation.methods import find_method
 from fairlead.evaluation.trials import Trials
@@ -16,7 +15,6 @@ from fairlead.execution.trial import Protocol
 from fairlead.reproduce.presets import Preset
 from fairlead.scenarios.scenario import Scenario
 
-IMPROVED_BUDGET = Budget(seconds=60)
 Bar = Callable[[str, int, str], AbstractContextManager[Callable[[int], None]]]
 """Opens a progress bar with a title, a total and a unit; yields a function that advances it."""
 
@@ -52,6 +50,6 @@ def try_sets(
             try_all(counted, out / f"{name}-counted", workers, bar)
         if preset.improved:
             improved = replace(untraced, methods=preset.improved, planner=preset.improved_planner,
-                               budget=IMPROVED_BUDGET, seeds=preset.improved_seeds, reference=preset.improved[0],
+                               budget=preset.improved_budget, seeds=preset.improved_seeds, reference=preset.improved[0],
                                distilled=preset.distilled is not None)  # fmt: skip
             try_all(improved, out / f"{name}-improved", workers, bar)
