@@ -17,12 +17,13 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.records import ActionOutcome, Trajectories
 from fairlead.geometry.distance import model_error
 from fairlead.geometry.fields import BoxEnvironment
-from fairlead.learning.dynamics import DynamicsConfig, Ensemble, LearnedDynamics, RolloutTask, train_dynamics
+from fairlead.learning.dynamics import DynamicsConfig, Ensemble, LearnedDynamics, train_dynamics
 from fairlead.learning.fit import CHECKPOINT, Stage, fit
 from fairlead.learning.model_files import Job
 from fairlead.learning.networks import NETWORKS
 from fairlead.learning.registry import load_delta, load_dynamics
 from fairlead.learning.rollout import Splits, Windows, roll_out_all
+from fairlead.learning.rollout_task import RolloutTask
 from rope_data import BOUNDS, LAYOUT, splits, straight_ropes
 
 FREE = BoxEnvironment([], BOUNDS)

@@ -149,10 +149,6 @@ class _Trial:
     def _reached(self) -> bool:
         return bool(self._task.goal.reached(self._state[None])[0])
 
-    @property
-    def _out_of_time(self) -> bool:
-        return self._meter.spent_s >= self._meter.budget.seconds
-
     def _plan(self) -> Plan:
         meter, index = self._meter, self._plans
         meter.start_planning()
@@ -173,7 +169,7 @@ class _Trial:
     def _follow(self, plan: Plan) -> None:
         """Execute a whole plan, or as much of it as the time allows."""
         for action in plan.actions:
-            if self._out_of_time or self._diverged:
+            if self._meter.spent_s >= self._meter.budget.seconds or self._diverged:
                 return
             self._execute(action, recovery=False)
         if self._first is None and not self._diverged:

@@ -26,7 +26,6 @@ from fairlead.core.streams import stream, stream_seed
 from fairlead.geometry.distance import point_error
 from fairlead.learning.device import CPU, beside, device_of
 from fairlead.learning.dynamics import (
-    UNIT_M,
     DynamicsConfig,
     Ensemble,
     FreeMotion,
@@ -36,6 +35,7 @@ from fairlead.learning.dynamics import (
 from fairlead.learning.ensemble import ensemble_mlp
 from fairlead.learning.fit import Stage, Task, fit, stages_from
 from fairlead.learning.model_files import Job, ModelFile, save_model
+from fairlead.learning.networks import UNIT_M
 from fairlead.learning.rollout import Splits, roll_out, roll_out_all
 
 LEAST_SPREAD_M, USUAL_SPREAD_M = 1e-6, 1e-2

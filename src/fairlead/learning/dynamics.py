@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar, final
 
@@ -18,16 +18,16 @@ from torch import Tensor, nn
 
 from fairlead.core.errors import FairleadError, UnknownNameError
 from fairlead.core.layout import StateLayout
-from fairlead.core.records import ActionOutcome, Prediction
+from fairlead.core.records import Prediction
 from fairlead.core.roles import Dynamics, Environment
 from fairlead.core.streams import stream_seed
-from fairlead.learning.device import CPU, beside, device_of
-from fairlead.learning.fit import Stage, Task, fit, stages_from
+from fairlead.learning.device import CPU, beside
+from fairlead.learning.fit import Stage, fit, stages_from
 from fairlead.learning.model_files import Job, ModelFile, save_model
-from fairlead.learning.networks import NETWORKS, Shape
-from fairlead.learning.rollout import Splits, Windows, dynamics_metrics, rollout_errors
+from fairlead.learning.networks import NETWORKS, UNIT_M, Shape
+from fairlead.learning.rollout import Splits, dynamics_metrics
+from fairlead.learning.rollout_task import RolloutTask
 
-UNIT_M = 0.1
 _STAGES = (Stage(60, 512, 1e-3, 1), Stage(12, 256, 3e-4, 4), Stage(12, 128, 1e-4, 10))
 
 
@@ -177,56 +177,6 @@ class LearnedDynamics(Dynamics, Generic[M]):
         actions: Float[np.ndarray, "batch action"],
     ) -> Prediction:
         return self.predict(environments[scene[0]], states, actions)
-
-
-@final
-class RolloutTask(Task):
-    """Fits a step function to trajectories by the loss of Eq. 5, as a mean over all predicted steps.
-
-    Each state component (grippers, object) weighs once, by its mean square error. The score is the validation error per
-    point [m] over ten-step rollouts. `step` makes the next states of states, actions and scenes, with a stream for what
-    it draws; actions whose outcome is in `leave_out` are not learned from.
-    """
-
-    def __init__(
-        self,
-        module: nn.Module,
-        step: Callable[[Tensor, Tensor, Tensor, np.random.Generator], Tensor],
-        dynamics: Dynamics,
-        data: Splits,
-        members: int = 1,
-        mirror: bool = False,
-        leave_out: Collection[ActionOutcome] = (),
-    ) -> None:
-        self.module, self._step, self._dynamics = module, step, dynamics
-        self._data, self._members, self._mirror = data, members, mirror
-        self._windows = Windows(data.train, device_of(module), leave_out)
-
-    def order(self, stage: Stage, rng: np.random.Generator) -> Sequence[Int[np.ndarray, "member batch 2"]]:
-        return self._windows.order(stage.horizon, stage.batch, self._members, rng)
-
-    def loss(self, stage: Stage, indices: Int[np.ndarray, "member batch 2"], rng: np.random.Generator) -> Tensor:
-        states, actions, scene = self._windows.at(indices, stage.horizon)
-        if self._mirror:
-            flip = beside(self.module, 1 - 2 * rng.integers(0, 2, indices.shape[:2]).astype(np.float32))
-            states, actions = (_mirrored(x, flip) for x in (states, actions))
-        total = states.new_zeros(())
-        current = states[:, :, 0]
-        for step in range(actions.shape[2]):
-            current = self._step(current, actions[:, :, step], scene, rng)
-            error = ((current - states[:, :, step + 1]) / UNIT_M).square()
-            for part in error.split(self._data.layout.parts, dim=-1):
-                total = total + part.mean()
-        return total / actions.shape[2]
-
-    def score(self) -> float:
-        return float(rollout_errors(self._dynamics, self._data.validation)[1].mean())
-
-
-def _mirrored(vectors: Tensor, flip: Tensor) -> Tensor:
-    """World y changes sign where flip is -1."""
-    sign = torch.stack([torch.ones_like(flip), flip, torch.ones_like(flip)], dim=-1)
-    return vectors * sign.repeat(1, 1, vectors.shape[-1] // 3)[:, :, None]
 
 
 def train_dynamics(data: Splits, config: DynamicsConfig, job: Job) -> LearnedDynamics[Ensemble]:

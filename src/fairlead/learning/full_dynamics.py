@@ -23,11 +23,12 @@ from fairlead.core.roles import Dynamics, Environment
 from fairlead.core.streams import stream_seed
 from fairlead.geometry.frames import local_origin
 from fairlead.learning.device import beside, device_of
-from fairlead.learning.dynamics import UNIT_M, RolloutTask
 from fairlead.learning.fit import Stage, fit, stages_from
 from fairlead.learning.labels import CUT_BY_ARMS
 from fairlead.learning.model_files import Job, ModelFile, save_model
+from fairlead.learning.networks import UNIT_M
 from fairlead.learning.rollout import Splits, dynamics_metrics
+from fairlead.learning.rollout_task import RolloutTask
 from fairlead.learning.trust_network import COARSE_GRID
 from fairlead.learning.trust_voxel import VoxelEncoder, inverse, transformed, transformed_grid
 from fairlead.learning.voxels import Occupancy, VoxelGrid

@@ -1,7 +1,7 @@
 """Networks for the unconstrained dynamics, chosen by name.
 
 A network maps positions and actions in the local frame to the change of the positions in it. Everything is in
-decimetres there, about the length of a step. An entry of `NETWORKS` is called with a `Shape` and a generator.
+decimetres there, `UNIT_M`, about the length of a step. An entry of `NETWORKS` is called with a `Shape` and a generator.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from fairlead.learning.ensemble import ResidualStack, ensemble_mlp
+
+UNIT_M = 0.1
 
 
 @dataclass(frozen=True)
