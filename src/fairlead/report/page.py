@@ -54,18 +54,19 @@ def _headline(sources: Sources) -> tuple[str, str]:
     if not sources.trials:
         return "Fairlead", "Models and data; no trials yet."
     trials, references = sources.trials[0], {trials.reference for trials in sources.trials}
-    if len({trials.config["scenario"] for trials in sources.trials}) > 1 and len(references) == 1:
+    first, *others = {trials.config["scenario"].replace("_", "-"): None for trials in sources.trials}
+    title = TITLE.capitalize() if others else f"Rope {first}: {TITLE}"
+    if others and len(references) == 1:
         means = tables.means({str(trials.folder): trials.summary for trials in sources.trials})
         if means:
             text = "; ".join(f"{name} {value}" for name, value in means.items())
-            return TITLE.capitalize(), f"Mean success and error over {len(sources.trials)} sets of trials: {text}."
-    methods, scenario = trials.summary["methods"], trials.config["scenario"].replace("_", "-")
-    ours = trials.reference
+            return title, f"Mean success and error over {len(sources.trials)} sets of trials: {text}."
+    methods, ours = trials.summary["methods"], trials.reference
     tried = counted(methods[ours]["trials"], "trial") + (f" ({trials.name})" if len(sources.trials) > 1 else "")
     text = f"{ours} reaches the goal in {tables.rate(methods[ours]['success'])} of {tried}"
     if "accept-all" in tables.whole(trials.summary) and ours != "accept-all":
         text += f"; the same planner without trust (accept-all) in {tables.rate(methods['accept-all']['success'])}"
-    return f"Rope {scenario}: {TITLE}", text + "."
+    return title, text + "."
 
 
 def write_report(folders: Sequence[Path], out: Path, videos: bool = True, cameras: Cameras = no_camera) -> Path:
