@@ -11,7 +11,7 @@ from fairlead.report.page import write_report
 from fairlead.reproduce.cameras import camera
 from fairlead.reproduce.trials import Bar, try_all
 
-SCENES, BUDGET = 2, Budget(seconds=20)
+SCENES, BUDGET = 2, Budget(seconds=30)
 METHODS = {"dragging": ("trust-sdf", "accept-all"), "dual_arm": ("trust-sdf+recovery", "accept-all")}
 """What is tried, trust first."""
 
@@ -31,6 +31,6 @@ def try_methods(scenario: str, scenes: int, budget: Budget, out: Path, workers: 
     """Try the methods of a scenario on its first benchmark scenes, every trial with its trace; `out` is returned."""
     methods = METHODS[scenario]
     config = TrialsConfig(scenario, shipped_models(scenario), benchmark_scenes(scenario), methods, budget,
-                          planner=SHORT, limit=scenes, traced=scenes, reference=methods[0])  # fmt: skip
+                          planner=SHORT, limit=scenes, traced=scenes, reference=methods[0], distilled=True)  # fmt: skip
     try_all(config, out, workers, bar)
     return out
