@@ -239,3 +239,13 @@ def test_what_would_mean_nothing_is_refused_before_anything_is_written(
     assert call(monkeypatch, *arguments, "--out", tmp_path / "out") == 2
     assert named in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_who_reads_the_output_may_stop_early() -> None:
+    """As `fairlead methods | head -1` does: no traceback, no message, no other exit code."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "fairlead.cli.main", "methods"]
+    ended = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, check=False)
+    os.close(writer)
+    assert (ended.returncode, ended.stderr) == (0, b"")

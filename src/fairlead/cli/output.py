@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 import json
+import os
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
 
 def show(result: Mapping[str, Any], as_json: bool) -> None:
-    """Print a result: one JSON object on one line, or one `key: value` a line."""
-    if as_json:
-        print(json.dumps(result))
-        return
-    width = max(map(len, result), default=0)
+    """Print a result: one JSON object on one line, or one `key: value` a line.
+
+    Who reads may stop early, as `head` does.
+    """
+    lines = [json.dumps(result)] if as_json else _lines(result)
+    try:
+        print("".join(f"{line}\n" for line in lines), end="", flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _lines(result: Mapping[str, Any]) -> list[str]:
+    width, lines = max(map(len, result), default=0), []
     for key, value in result.items():
         text = ", ".join(f"{k} {v}" for k, v in value.items()) if isinstance(value, Mapping) else str(value)
-        print(f"{key:<{width}}  {text}")
+        lines.append(f"{key:<{width}}  {text}")
+    return lines
 
 
 @contextmanager
