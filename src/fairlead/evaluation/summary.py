@@ -39,15 +39,20 @@ def _total(rows: Sequence[Row], key: str) -> int:
     return sum(int(row[key]) for row in rows)
 
 
+def _scenes(rows: Sequence[Row]) -> dict[str, list[Row]]:
+    """The trials of each scene."""
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        found.setdefault(row["scene"], []).append(row)
+    return found
+
+
 def _by_scene(rows: Sequence[Row], key: str) -> dict[str, float]:
     """The mean of a column over the seeds of each scene.
 
     Where there was no first plan, because a trial ended before one was executed, it is counted as one that failed.
     """
-    found: dict[str, list[float]] = {}
-    for row in rows:
-        found.setdefault(row["scene"], []).append(float(row[key] or 0))
-    return {scene: float(np.mean(values)) for scene, values in found.items()}
+    return {scene: float(np.mean([float(row[key] or 0) for row in of])) for scene, of in _scenes(rows).items()}
 
 
 def _rate(rows: Sequence[Row], key: str) -> dict[str, float]:
@@ -63,10 +68,8 @@ def _method_summary(rows: Sequence[Row]) -> dict[str, Any]:
     """
     seconds = Budget.parse(rows[0]["budget"]).seconds
     times = [time for time in TIMES_S if time <= seconds < math.inf]
-    reached_at: dict[str, list[float | None]] = {}
-    for row in rows:
-        reached_at.setdefault(row["scene"], []).append(row["reached_at_s"])
-    reached = np.mean([success_against(of, np.array(times)) for of in reached_at.values()], axis=0)
+    by_scene = [[row["reached_at_s"] for row in of] for of in _scenes(rows).values()]
+    reached = np.mean([success_against(of, np.array(times)) for of in by_scene], axis=0)
     return {
         "trials": len(rows),
         "budget": rows[0]["budget"],

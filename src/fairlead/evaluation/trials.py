@@ -93,7 +93,7 @@ class Trials:
                 (self._out / MANIFEST).unlink(missing_ok=True)
             made_by = {"revision": self._revision, "machine": machine()}
             for job in self.missing:
-                shutil.rmtree(self._out / "traces" / job.method / f"{job.scene}-{job.seed}", ignore_errors=True)
+                shutil.rmtree(_trace(self._out, job.method, job.scene, job.seed), ignore_errors=True)
             with closing(run_jobs(self._bench.config, self.missing, workers)) as rows:
                 for row in rows:
                     append_jsonl(self._out / TRIALS, row | made_by)
@@ -175,6 +175,10 @@ def _claim(out: Path, config: dict[str, Any]) -> None:
         write_json(path, config)
 
 
+def _trace(out: Path, method: str, scene: str, seed: int) -> Path:
+    return out / "traces" / method / f"{scene}-{seed}"
+
+
 def _missing(bench: Bench, out: Path) -> list[Job]:
     """The trials that the folder does not hold, scene by scene, so that methods can be compared early."""
     done = {(row["method"], row["scene"], row["seed"]) for row in read_jsonl(out / TRIALS)}
@@ -184,7 +188,7 @@ def _missing(bench: Bench, out: Path) -> list[Job]:
 
     def trace(method: str, scene: str, seed: int) -> Path | None:
         kept = seed == config.seeds[0] and scene in scenes[: config.traced]
-        return out / "traces" / method / f"{scene}-{seed}" if kept else None
+        return _trace(out, method, scene, seed) if kept else None
 
     return [Job(*names, trace(*names)) for names in wanted if names not in done]
 
