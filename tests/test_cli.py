@@ -17,6 +17,7 @@ import pytest
 from fairlead.cli import main as cli
 from fairlead.data.collect import CollectConfig, collect
 from fairlead.evaluation.methods import METHODS
+from fairlead.evaluation.planners import PLANNERS
 from fairlead.evaluation.shipped import shipped_models
 from fairlead.scenarios.registry import SCENARIOS
 from fakes import FakeScenario
@@ -212,11 +213,12 @@ def test_doctor_finds_what_the_tests_run_with(
     assert found["mujoco"][0].isdigit()
 
 
-def test_the_table_of_methods_names_what_evaluate_takes(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(("command", "table"), [("methods", METHODS), ("planners", PLANNERS)])
+def test_a_table_names_what_evaluate_takes(
+    command: str, table: dict[str, object], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert call(monkeypatch, "methods", "--json") == 0
-    assert list(json.loads(capsys.readouterr().out)) == list(METHODS)
+    assert call(monkeypatch, command, "--json") == 0
+    assert list(json.loads(capsys.readouterr().out)) == list(table)
 
 
 @pytest.mark.parametrize(

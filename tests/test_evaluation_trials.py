@@ -37,9 +37,10 @@ from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
 from fairlead.core.records import TrialOutcome
 from fairlead.core.traces import EVENTS, read_trace
 from fairlead.evaluation import trials
-from fairlead.evaluation.bench import PLANNERS, Bench, TrialsConfig, scaled
+from fairlead.evaluation.bench import Bench, TrialsConfig, scaled
 from fairlead.evaluation.bench import Job as Trial
 from fairlead.evaluation.methods import CHECKS, DYNAMICS, METHODS, RECOVERIES, Parts, find_method
+from fairlead.evaluation.planners import PLANNERS, NamedPlanner
 from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
 from fairlead.evaluation.solved import solved_scenes
 from fairlead.evaluation.trials import CONFIG, OFF, SCENES, SUMMARY, TRIALS, Trials, repair
@@ -463,7 +464,7 @@ def test_an_attempt_is_as_much_longer_as_the_budget(config: TrialsConfig, monkey
         asked.append(settings)
         return BatchedRRT(settings)
 
-    monkeypatch.setitem(PLANNERS, "rrt", planner)
+    monkeypatch.setitem(PLANNERS, "rrt", NamedPlanner(planner, ""))
     bench = Bench(replace(config, methods=("oracle", "accept-all"), budget=Budget(extensions=1)))
     for method in bench.config.methods:
         bench.run(Trial(method, "scene-0", 0, None))

@@ -17,7 +17,8 @@ from safetensors.torch import load_file
 from fairlead.core.artifacts import read_jsonl, read_manifest
 from fairlead.core.budget import Budget
 from fairlead.core.errors import ArtifactError, UnknownNameError
-from fairlead.evaluation.bench import BEST, TrialsConfig
+from fairlead.evaluation.bench import TrialsConfig
+from fairlead.evaluation.planners import BEST
 from fairlead.evaluation.shipped import benchmark_scenes
 from fairlead.execution.trial import Protocol
 from fairlead.learning.registry import load_delta

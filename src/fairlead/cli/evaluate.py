@@ -37,9 +37,7 @@ class Command:
     other: str | None = None
     """Execute in a world other than that of training: mockup, or differences such as friction=0.5,mass=2."""
     planner: str = "rrt"
-    """rrt (the paper's, batched), rrt-middle (to the middle of the goal), rrt-short (plans made shorter),
-    rrt-middle-short (both), rrt-middle-short-relaxed (and less trust where enough leads nowhere), rrt-best (and the
-    best of several plans), ompl, or one that is installed."""
+    """A name, see `fairlead planners`; rrt is the paper's."""
     remember: bool = False
     """Keep away from actions that were cut short in the same trial."""
     distilled: bool = False

@@ -21,6 +21,7 @@ COMMANDS = {
     "plan": "plan and execute one scene, with a trace and a video",
     "evaluate": "try methods on many scenes",
     "methods": "the table of methods: their names, and what each does",
+    "planners": "the table of planners: their names, and what each does",
     "report": "tables, figures and one self-contained page",
 }
 """Each is a module of this package with a type `Command`, imported when it is called: help stays fast."""

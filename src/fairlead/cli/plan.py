@@ -32,9 +32,7 @@ class Command:
     protocol: str = "fair"
     """paper or fair."""
     planner: str = "rrt"
-    """rrt (the paper's, batched), rrt-middle (to the middle of the goal), rrt-short (plans made shorter),
-    rrt-middle-short (both), rrt-middle-short-relaxed (and less trust where enough leads nowhere), rrt-best (and the
-    best of several plans), ompl, or one that is installed."""
+    """A name, see `fairlead planners`; rrt is the paper's."""
     other: str | None = None
     """Execute in a world other than that of training, as `evaluate` does."""
     remember: bool = False

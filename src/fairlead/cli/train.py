@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
 from fairlead.cli.output import show
 from fairlead.core.cores import cores
+
+if TYPE_CHECKING:
+    from fairlead.reproduce.presets import Preset
 
 NEEDS = {"distilled": ("dynamics",), "trust": ("dynamics",), "recovery": ("dynamics", "trust")}
 """The other models that each model is trained on."""
@@ -54,43 +57,44 @@ class Command:
     def run(self) -> None:
         """Train, and print the metrics."""
         from fairlead.core.artifacts import read_json
-        from fairlead.learning.distilled import DistilledConfig
         from fairlead.learning.registry import use_threads
-        from fairlead.learning.trust_network import COARSE_GRID, COARSE_GRID_3D, PAPER_GRID, PAPER_GRID_3D
         from fairlead.reproduce import stages
         from fairlead.reproduce.presets import preset
         from fairlead.scenarios.registry import scenario
 
         self._check()
-        data = stages.Part(self.data, self.first)
         use_threads(self.threads)
-        world = scenario(self.scenario)
-        sizes = preset(world, self.preset)
-        planar = sizes.trust.planar
-        grids = {
-            "coarse": COARSE_GRID if planar else COARSE_GRID_3D,
-            "paper": PAPER_GRID if planar else PAPER_GRID_3D,
-        }
-        grid = {} if self.grid is None else {"grid": grids[self.grid]}
-        delta = {} if self.delta is None else {"delta_m": self.delta}
-        if self.model == "dynamics":
-            wide = {"network": "mlp", "hidden": 1024, "planar": False} if self.network == "mlp" else {}
-            other = {} if self.network in (None, "mlp") else {"network": self.network}
-            config = replace(sizes.dynamics, **wide, **other)
-            stages.dynamics(world, data, config, self.out, self.seed)
-        elif self.model == "distilled" and self.dynamics:
-            stages.distilled(world, data, self.dynamics, sizes.distilled or DistilledConfig(), self.out, self.seed)
-        elif self.model == "full-dynamics":
-            stages.full_dynamics(world, data, replace(sizes.full_dynamics, **grid), self.out, self.seed)
-        elif self.model == "trust" and self.dynamics:
-            base = sizes.trust if self.network == "voxel" else sizes.trust_sdf
-            config = replace(base, **grid, network=self.network or base.network, **delta)
-            stages.trust(world, data, self.dynamics, config, self.out, self.seed)
-        elif self.dynamics and self.trust:
-            sdf = read_json(self.trust / "config.json").get("network") == "sdf"
-            config = sizes.recovery_sdf if sdf else sizes.recovery
-            stages.recovery(world, data, self.dynamics, self.trust, config, self.out, self.seed)
+        world, data = scenario(self.scenario), stages.Part(self.data, self.first)
+        needed = [getattr(self, name) for name in NEEDS.get(self.model, ())]
+        train = getattr(stages, self.model.replace("-", "_"))
+        train(world, data, *needed, self._settings(preset(world, self.preset)), self.out, self.seed)
         show(read_json(self.out / "metrics.json"), self.json)
+
+    def _settings(self, sizes: Preset) -> Any:
+        """The preset's settings of this model, changed by what is chosen here."""
+        from fairlead.core.artifacts import read_json
+        from fairlead.learning.distilled import DistilledConfig
+        from fairlead.learning.trust_network import COARSE_GRID, COARSE_GRID_3D, PAPER_GRID, PAPER_GRID_3D
+
+        if self.model == "distilled":
+            return sizes.distilled or DistilledConfig()
+        if self.model == "recovery" and self.trust:
+            sdf = read_json(self.trust / "config.json").get("network") == "sdf"
+            return sizes.recovery_sdf if sdf else sizes.recovery
+        settings: Any = {
+            "dynamics": sizes.dynamics,
+            "full-dynamics": sizes.full_dynamics,
+            "trust": sizes.trust if self.network == "voxel" else sizes.trust_sdf,
+        }[self.model]
+        if (self.model, self.network) == ("dynamics", "mlp"):
+            settings = replace(settings, hidden=1024, planar=False)
+        grids = {
+            "coarse": COARSE_GRID if sizes.trust.planar else COARSE_GRID_3D,
+            "paper": PAPER_GRID if sizes.trust.planar else PAPER_GRID_3D,
+        }
+        grid = grids[self.grid] if self.grid else None
+        chosen = {"network": self.network, "grid": grid, "delta_m": self.delta}
+        return replace(settings, **{name: value for name, value in chosen.items() if value is not None})
 
     def _check(self) -> None:
         """Refuse what is missing, and what would mean nothing."""

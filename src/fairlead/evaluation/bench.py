@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -10,48 +9,22 @@ from typing import Any, final
 
 import numpy as np
 
-from fairlead.core import plugins
 from fairlead.core.budget import Budget
 from fairlead.core.errors import FairleadError
 from fairlead.core.roles import World
 from fairlead.core.streams import stream, stream_seed
 from fairlead.evaluation.methods import Parts, find_method
 from fairlead.evaluation.models import Models
+from fairlead.evaluation.planners import find_planner
 from fairlead.execution.trace import NoTrace, Recorder, TraceFolder
 from fairlead.execution.trial import Protocol, Task, run_trial
 from fairlead.planning.memory import CutShort
-from fairlead.planning.middle import ToTheMiddle
-from fairlead.planning.ompl import OmplRRT
-from fairlead.planning.problem import PAPER, Planner, Problem, SearchSettings
-from fairlead.planning.relaxed import Relaxed
-from fairlead.planning.rrt import BatchedRRT
-from fairlead.planning.several import Several
-from fairlead.planning.shorten import Shortened
+from fairlead.planning.problem import PAPER, Problem
 from fairlead.scenarios.other_world import Differences, other_world, with_arms_of
 from fairlead.scenarios.registry import scenario as find_scenario
 from fairlead.scenarios.scene_files import Scene
 
 Row = dict[str, Any]
-
-SHORT, RELAXED, BEST = "rrt-middle-short", "rrt-middle-short-relaxed", "rrt-best"
-"""Better planners than the paper's: the first for a demo or a desk, the second where success is all, the third, the
-best of several plans, where planning is quick besides (docs/adr/0016)."""
-
-
-def _short(settings: SearchSettings) -> Planner:
-    return Shortened(BatchedRRT(settings.scaled(0.8)), settings)
-
-
-PLANNERS: dict[str, Callable[[SearchSettings], Planner]] = {
-    "rrt": BatchedRRT,
-    "rrt-middle": lambda settings: ToTheMiddle(BatchedRRT(settings)),
-    "rrt-short": _short,
-    SHORT: lambda settings: ToTheMiddle(_short(settings)),
-    RELAXED: lambda settings: Relaxed(ToTheMiddle(_short(settings))),
-    BEST: lambda settings: Relaxed(Several(ToTheMiddle(_short(settings)))),
-    "ompl": OmplRRT,
-}
-"""Called with the limits of a planning attempt. Others come by entry points in `fairlead.planners`."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +38,7 @@ class TrialsConfig:
         methods: names, in the order to run.
         budget: of each trial.
         protocol: what happens where a trial is stuck.
-        planner: name of the planner.
+        planner: name of the planner, see `planners`.
         seeds: trial seeds; every method meets every scene with each of them.
         limit: only the first scenes, if not None.
         traced: traces are kept of the first seed in the first so many scenes.
@@ -132,7 +105,7 @@ class Bench:
         self._tried = CutShort(self.scenario.layout)
         planned_for = with_arms_of(self.scenario, config.differences)
         self.models = Models(config.models, planned_for, self._tried, config.remember, config.distilled)
-        self._planner: Callable[[SearchSettings], Planner] = plugins.find("planner", config.planner, PLANNERS)
+        self._planner = find_planner(config.planner)
         self._parts = Parts(self.models)
         for method in config.methods:
             self._parts.build(find_method(method), self.scenes.scenes[0])

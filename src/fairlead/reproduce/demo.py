@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from fairlead.core.budget import Budget
-from fairlead.evaluation.bench import SHORT, TrialsConfig
+from fairlead.evaluation.bench import TrialsConfig
+from fairlead.evaluation.planners import SHORT
 from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
 from fairlead.report.page import write_report
 from fairlead.reproduce.cameras import camera

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from fairlead.core.budget import Budget
 from fairlead.core.errors import UnknownNameError
-from fairlead.evaluation.bench import BEST, RELAXED, SHORT
+from fairlead.evaluation.planners import BEST, RELAXED, SHORT
 from fairlead.learning.distilled import DistilledConfig
 from fairlead.learning.dynamics import DynamicsConfig
 from fairlead.learning.fit import Stage
