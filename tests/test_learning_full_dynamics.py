@@ -11,15 +11,17 @@ import pytest
 import torch
 
 from fairlead.core.contracts import check_dynamics
+from fairlead.core.records import ActionOutcome
 from fairlead.geometry.distance import model_error
 from fairlead.geometry.fields import BoxEnvironment
 from fairlead.geometry.shapes import Box
 from fairlead.learning import full_dynamics
 from fairlead.learning.fit import Stage
 from fairlead.learning.full_dynamics import FullDynamicsConfig, LearnedFullDynamics, train_full_dynamics
+from fairlead.learning.labels import CUT_BY_ARMS
 from fairlead.learning.model_files import Job
 from fairlead.learning.registry import load_full_dynamics
-from fairlead.learning.rollout import roll_out_all
+from fairlead.learning.rollout import dynamics_metrics, roll_out_all, rollout_errors
 from fairlead.learning.trust_voxel import transformed
 from fairlead.learning.voxels import Occupancy, VoxelGrid
 from rope_data import LAYOUT, splits
@@ -38,16 +40,43 @@ def test_full_dynamics_learn_see_obstacles_save_and_load(tmp_path: Path) -> None
     assert model_error(LAYOUT, predicted, actual).mean() < 0.8 * still.mean()
 
     states, actions = DATA.test.states[:6, 0], DATA.test.actions[:6, 0]
-    free, crowded = DATA.test.environments[:2]
+    free = DATA.test.environments[0]
     check_dynamics(dynamics, free, states, actions)
-    here, there = (dynamics.predict(e, states, actions) for e in (free, crowded))
+    here = dynamics.predict(free, states, actions)
     assert (here.spread == 0).all()
     loaded = load_full_dynamics(tmp_path, "toy").predict(free, states, actions)
     assert (loaded.mean == here.mean).all()
-    in_the_middle = np.tile(np.array([*_centre(free), 0.02]), LAYOUT.state_size // 3)[None]
-    go = in_the_middle[:, :3] + [0.1, 0, 0]
-    assert (dynamics.predict(free, in_the_middle, go).mean != dynamics.predict(crowded, in_the_middle, go).mean).any()
-    assert there.mean.shape == states.shape
+
+    known = DATA.train
+    found = dynamics.predict_each(known.environments, known.scene, known.states[:, 0], known.actions[:, 0]).mean
+    wanted = known.actions[:, 0] - known.states[:, 0, :3]
+    done = ((found - known.states[:, 0])[:, :3] * wanted).sum(axis=1) / (wanted * wanted).sum(axis=1)
+    refused = (known.states[:, 1] == known.states[:, 0]).all(axis=1)
+    assert done[refused].mean() < 0.9 * done[~refused].mean()
+
+
+def test_what_arms_cut_short_and_what_follows_is_not_judged() -> None:
+    dynamics = LearnedFullDynamics(full_dynamics._build(LAYOUT, CONFIG, 0))
+    outcomes = np.zeros_like(DATA.test.outcomes)
+    outcomes[3, 2], outcomes[5, 0] = ActionOutcome.JOINT_LIMIT.number, ActionOutcome.ARM_COLLISION.number
+    cut = replace(DATA.test, outcomes=outcomes)
+    found = rollout_errors(dynamics, cut, CUT_BY_ARMS)
+    assert np.argwhere(~found.counted).tolist() == [[3, t] for t in range(2, 6)] + [[5, t] for t in range(6)]
+    assert rollout_errors(dynamics, cut).counted.all()
+    metrics = dynamics_metrics(dynamics, replace(DATA, test=cut), CUT_BY_ARMS)
+    assert metrics["test_point_error_m"] == pytest.approx(found.points[found.counted].mean())
+
+
+def test_the_gradient_knows_that_the_origin_moves_along() -> None:
+    """Where nothing is near, to move everything alike changes nothing of the predicted change."""
+    module, empty = full_dynamics._build(LAYOUT, CONFIG, 0), BoxEnvironment([], DATA.test.environments[0].bounds)
+    occupancy, states = Occupancy.of([empty], 0.04), torch.tensor(DATA.test.states[:4, 0]).float()
+    actions = torch.tensor(DATA.test.actions[:4, 0]).float()
+    shift = torch.zeros(4, 3, requires_grad=True)
+    moved = states + shift.repeat(1, LAYOUT.state_size // 3)
+    change = module(occupancy, np.zeros(4, int), moved, actions + shift) - moved
+    (gradient,) = torch.autograd.grad(change.square().sum(), shift)
+    np.testing.assert_allclose(gradient.numpy(), 0, atol=1e-5)
 
 
 @pytest.mark.parametrize("symmetry", list(itertools.product([0, 1], repeat=3)))

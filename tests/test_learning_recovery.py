@@ -29,11 +29,11 @@ from fairlead.learning.recovery import (
 )
 from fairlead.learning.recovery_networks import ChainRecovery, FrozenRecovery, carried_along
 from fairlead.learning.registry import load_recovery
-from fairlead.learning.stuck import RecoveryExamples, recovery_examples
+from fairlead.learning.stuck import RecoveryExamples, accepted, recovery_examples
 from fairlead.learning.trust import LearnedCheck, build_network
 from fairlead.learning.trust_network import TrustConfig
 from fairlead.learning.voxels import VoxelGrid
-from rope_data import LAYOUT, splits, trajectories
+from rope_data import LAYOUT, splits, straight_ropes, trajectories
 from test_labels import FollowDynamics
 
 SAMPLER = RandomDisplacement(LAYOUT, 0.15, (-0.9, -0.9, 0.02), (0.9, 0.9, 0.02), planar=True)
@@ -85,6 +85,16 @@ def test_stuck_states_are_paired_with_their_action_successor_and_environment() -
     assert (counts["examined"], counts["stuck"]) == (160, len(found))
     ones = int(found.share.sum())
     assert counts["labels"] == {"0": len(found) - ones, "below 1/2": 0, "1/2 and above": 0, "1": ones}
+
+
+def test_what_leaves_the_bounds_is_not_accepted() -> None:
+    far = RandomDisplacement(LAYOUT, 0.15, (-9, -9, 0.02), (9, 9, 0.02), planar=True)
+    environment, starts = splits(8, 4, 2).train.environments[0], straight_ropes(40, np.random.default_rng(0))
+    starts += np.tile([0.99 - starts[:, 0].max(), 0, 0], starts.shape[1] // 3)
+    found = accepted(DYNAMICS, SideCheck(-9), far, environment, starts, 50, np.random.default_rng(1))
+    targets = far.propose(np.repeat(starts, 50, axis=0), np.random.default_rng(1))
+    assert 0 < found.sum() < found.size
+    assert not found.ravel()[~environment.contains(np.tile(targets, starts.shape[1] // 3))].any()
 
 
 def test_a_state_with_an_accepted_action_is_not_stuck_whatever_is_drawn_later() -> None:

@@ -28,7 +28,7 @@ from fairlead.planning.relaxed import Relaxed
 from fairlead.planning.rrt import BatchedRRT
 from fairlead.planning.several import Several
 from fairlead.planning.shorten import Shortened, expected_length
-from toy import BAR, LAYOUT, SAMPLER, BrokenChain, FreeChain, Given, arena, problem, straight, tail_goal
+from toy import BAR, LAYOUT, SAMPLER, BrokenChain, FreeChain, Given, arena, follow, problem, straight, tail_goal
 
 PLANNERS = [BatchedRRT(), BatchedRRT(lanes=7, candidates=20), OmplRRT(), ToTheMiddle(Shortened(BatchedRRT(lanes=7))),
             Several(BatchedRRT()), Relaxed(BatchedRRT())]  # fmt: skip
@@ -101,7 +101,7 @@ def test_a_plan_is_a_chain_of_accepted_transitions(planner, seed, extensions, he
     assert len(plan.states) == len(plan.actions) + 1 == len(plan.trust) + 1
     assert np.array_equal(plan.states[0], start)
     assert (plan.trust > 0.5).all()
-    assert task.inside(plan.states[1:]).all()
+    assert task.environment.contains(plan.states[1:]).all()
     predicted = task.dynamics.predict(task.environment, plan.states[:-1], plan.actions).mean
     assert np.allclose(predicted, plan.states[1:])
     encodings = task.check.encode(task.environment, plan.states)
@@ -169,7 +169,26 @@ def test_nothing_leaves_the_bounds_even_where_everything_is_trusted(planner):
     task = Problem(arena(), tail_goal(0.5, 0.1, radius=1e-6), FreeChain(), AcceptAll(), UNCLIPPED)
     tree = planner.plan(task, straight(0.9, 0.0), meter(300), stream(0)).tree
     assert len(tree.states) < 301
-    assert task.inside(tree.states).all()
+    assert task.environment.contains(tree.states).all()
+
+
+@final
+class SinglePrecision(Dynamics):
+    """The chain as a network predicts it: not to the last bit."""
+
+    layout = LAYOUT
+
+    def predict(self, environment, states, actions):
+        mean = follow(states, actions.reshape(-1, 1, 3)).astype(np.float32)
+        return Prediction(mean + np.float32(1e-5) * np.sign(mean), np.zeros(len(mean)))
+
+
+def test_what_is_sent_to_the_bounds_is_not_lost_by_rounding():
+    task = Problem(arena(), tail_goal(0.5, 0.1), SinglePrecision(), AcceptAll(), SAMPLER)
+    starts = np.stack([straight(0.9, 0.0)] * 200)
+    actions = SAMPLER.propose(starts, stream(0))
+    assert 0 < (actions[:, 0] == 0.95).sum() < 200
+    assert task.attempt(starts, actions, task.check.encode(task.environment, starts)).accepted.all()
 
 
 @each_of_one_attempt

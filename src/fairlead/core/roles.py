@@ -18,6 +18,8 @@ from fairlead.core.records import Executed, Prediction, Transitions
 
 LEAST_TRUST = 0.1
 """No planner accepts a transition whose probability is this or less."""
+BOUNDS_MARGIN_M = 1e-3
+"""A gripper that is sent to the bounds is predicted there to within this, as often outside as inside."""
 
 
 class Environment(ABC):
@@ -27,6 +29,11 @@ class Environment(ABC):
     @abstractmethod
     def bounds(self) -> Float[np.ndarray, "2 3"]:
         """Lowest and highest corner [m] of the region where states may lie."""
+
+    def contains(self, states: Float[np.ndarray, "batch state"]) -> Bool[np.ndarray, " batch"]:
+        """Whether every point of a state lies within bounds, to a millimetre; false where it is NaN."""
+        low, high = np.tile(self.bounds, states.shape[1] // 3)
+        return ((states >= low - BOUNDS_MARGIN_M) & (states <= high + BOUNDS_MARGIN_M)).all(axis=1)
 
     @abstractmethod
     def signed_distance(self, points: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:

@@ -137,6 +137,7 @@ class GridEnvironment(Environment):
 
     def __init__(self, grid: Bool[np.ndarray, "nx ny nz"], origin: Float[np.ndarray, " 3"], resolution: float) -> None:
         self._grid, self._origin, self._resolution = grid, np.asarray(origin, float), resolution
+        self._occupancy: dict[float, tuple[np.ndarray, np.ndarray]] = {}
         # Distances run between cell centres; half a cell brings the surface to the cells' faces.
         if grid.any():
             outside = np.asarray(ndimage.distance_transform_edt(~grid)) - 0.5
@@ -176,5 +177,7 @@ class GridEnvironment(Environment):
         return np.asarray(inside & self._grid[clipped[..., 0], clipped[..., 1], clipped[..., 2]])
 
     def occupancy(self, resolution: float) -> tuple[Bool[np.ndarray, "nx ny nz"], Float[np.ndarray, " 3"]]:
-        centres, origin = cell_centres(self.bounds, resolution)
-        return self.occupied(centres), origin
+        if resolution not in self._occupancy:
+            centres, origin = cell_centres(self.bounds, resolution)
+            self._occupancy[resolution] = (self.occupied(centres), origin)
+        return self._occupancy[resolution]

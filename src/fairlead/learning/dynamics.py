@@ -24,7 +24,7 @@ from fairlead.core.streams import stream_seed
 from fairlead.learning.device import CPU, beside
 from fairlead.learning.fit import Stage, fit, stages_from
 from fairlead.learning.model_files import Job, ModelFile, save_model
-from fairlead.learning.networks import NETWORKS, UNIT_M, Shape
+from fairlead.learning.networks import NETWORKS, UNIT_M, Shape, local_origin
 from fairlead.learning.rollout import Splits, dynamics_metrics
 from fairlead.learning.rollout_task import RolloutTask
 
@@ -109,9 +109,7 @@ class Ensemble(FreeMotion):
         count = len(self.layout.grippers)
         positions = states.unflatten(-1, (-1, 3))
         wanted = actions.unflatten(-1, (-1, 3)) - positions[:, :, :count]
-        held = positions[:, :, count:] if self.layout.points else positions
-        origin = positions[:, :, :count] if count == 1 else held.mean(2, keepdim=True)
-        local = positions - origin
+        local = positions - local_origin(self.layout, positions)
         turn = self._turn(positions, wanted)
         local, wanted = ((x[..., : self.axes] @ turn) / UNIT_M for x in (local, wanted))
         return local, wanted, turn

@@ -21,12 +21,11 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.records import Prediction
 from fairlead.core.roles import Dynamics, Environment
 from fairlead.core.streams import stream_seed
-from fairlead.geometry.frames import local_origin
 from fairlead.learning.device import beside, device_of
 from fairlead.learning.fit import Stage, fit, stages_from
 from fairlead.learning.labels import CUT_BY_ARMS
 from fairlead.learning.model_files import Job, ModelFile, save_model
-from fairlead.learning.networks import UNIT_M
+from fairlead.learning.networks import UNIT_M, local_origin
 from fairlead.learning.rollout import Splits, dynamics_metrics
 from fairlead.learning.rollout_task import RolloutTask
 from fairlead.learning.trust_network import COARSE_GRID
@@ -93,11 +92,11 @@ class FullNetwork(nn.Module):
         symmetry: Int[np.ndarray, " 3"] = UNMOVED,
     ) -> Float[Tensor, "batch state"]:
         """The next states [m], as predicted where everything is seen in that symmetry (see `transformed`)."""
-        current = states.detach().cpu().numpy()
-        voxels = self.grid.draw(self.layout, occupancy, scene, current)
+        voxels = self.grid.draw(self.layout, occupancy, scene, states.detach().cpu().numpy())
         code = self.code(self.encoder(transformed_grid(voxels, symmetry)))
-        origin = beside(self, local_origin(self.layout, current)).repeat(1, self.layout.state_size // 3)
-        local = torch.cat([states - origin, actions - origin[:, : actions.shape[1]]], dim=1) / UNIT_M
+        positions = states.unflatten(-1, (-1, 3))
+        points = torch.cat([positions, actions.unflatten(-1, (-1, 3))], dim=1)
+        local = ((points - local_origin(self.layout, positions)) / UNIT_M).flatten(1)
         product = self.vectors(_moved(local, symmetry))[:, :, None] * code[:, None, :]
         change = UNIT_M * self.change(product.flatten(1))
         if self.planar:  # heights are left alone, as the unconstrained dynamics do
@@ -156,7 +155,7 @@ def _build(layout: StateLayout, config: FullDynamicsConfig, seed: int) -> FullNe
 def train_full_dynamics(data: Splits, config: FullDynamicsConfig, job: Job) -> LearnedFullDynamics:
     """Train the baseline on data among obstacles (as much as both phases have together) and save it.
 
-    As for the classifier, what an arm cut short is not learned from: no network here sees the arms.
+    As for the classifier, what an arm cut short is not learned from, nor judged by: no network here sees the arms.
     """
     started = time.monotonic()
     module = _build(data.layout, config, job.seed).to(job.device)
@@ -171,7 +170,7 @@ def train_full_dynamics(data: Splits, config: FullDynamicsConfig, job: Job) -> L
     key = job.key("full-dynamics", config)
     task = RolloutTask(module, step, dynamics, data, leave_out=CUT_BY_ARMS)
     fit(task, config.stages, job.seed, job.folder, key=key, patience=config.patience, title="full dynamics")
-    metrics = dynamics_metrics(dynamics, data)
+    metrics = dynamics_metrics(dynamics, data, CUT_BY_ARMS)
     seconds = time.monotonic() - started
     save_model(job, "full-dynamics", "voxel", data.layout, config, module.state_dict(), metrics, seconds)
     return dynamics

@@ -15,9 +15,18 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from fairlead.core.layout import StateLayout
 from fairlead.learning.ensemble import ResidualStack, ensemble_mlp
 
 UNIT_M = 0.1
+
+
+def local_origin(layout: StateLayout, positions: Float[Tensor, "*batch position 3"]) -> Float[Tensor, "*batch 1 3"]:
+    """As `geometry.frames.local_origin`, with a gradient."""
+    grippers = len(layout.grippers)
+    if grippers == 1:
+        return positions[..., :1, :]
+    return positions[..., grippers if layout.points else 0 :, :].mean(-2, keepdim=True)
 
 
 @dataclass(frozen=True)

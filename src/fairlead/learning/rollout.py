@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Bool, Float, Float32, Int
 from numpy.lib.stride_tricks import sliding_window_view
 from torch import Tensor
 
@@ -71,21 +72,40 @@ def roll_out_all(dynamics: Dynamics, data: Trajectories, steps: int) -> Float32[
     return states[:, 1:]
 
 
-def rollout_errors(dynamics: Dynamics, data: Trajectories) -> tuple[Float[np.ndarray, "n s"], Float[np.ndarray, "n s"]]:
-    """d [m] and the error per point [m] at each of the first ten steps of rollouts from every trajectory's start."""
+class RolloutErrors(NamedTuple):
+    """d [m] and the error per point [m] at each step of rollouts, and which of them count."""
+
+    d: Float[np.ndarray, "rollout step"]
+    points: Float[np.ndarray, "rollout step"]
+    counted: Bool[np.ndarray, "rollout step"]
+
+
+def rollout_errors(dynamics: Dynamics, data: Trajectories, leave_out: Collection[ActionOutcome] = ()) -> RolloutErrors:
+    """The errors at the first ten steps of rollouts from every trajectory's start.
+
+    What precedes the first action whose outcome is in `leave_out` counts.
+    """
     steps = min(DELTA_STEPS, data.actions.shape[1])
     predicted = roll_out_all(dynamics, data, steps)
     actual = data.states[:, 1 : steps + 1]
-    return model_error(data.layout, predicted, actual), point_error(data.layout, predicted, actual)
+    lost = np.logical_or.accumulate(ended_in(data.outcomes[:, :steps], leave_out), axis=1)
+    return RolloutErrors(
+        model_error(data.layout, predicted, actual), point_error(data.layout, predicted, actual), ~lost
+    )
 
 
-def dynamics_metrics(dynamics: Dynamics, data: Splits) -> dict[str, object]:
-    """Errors per point on each split, by step on test; delta, the 90th percentile of d on validation [m]."""
-    found = {name: rollout_errors(dynamics, getattr(data, name)) for name in ("train", "validation", "test")}
+def dynamics_metrics(dynamics: Dynamics, data: Splits, leave_out: Collection[ActionOutcome] = ()) -> dict[str, object]:
+    """Errors per point on each split, by step on test; delta, the 90th percentile of d on validation [m].
+
+    `leave_out` as in `rollout_errors`.
+    """
+    found = {name: rollout_errors(dynamics, getattr(data, name), leave_out) for name in ("train", "validation", "test")}
+    steps = zip(found["test"].points.T, found["test"].counted.T, strict=True)
+    d, _, counted = found["validation"]
     return {
-        **{f"{name}_point_error_m": float(points.mean()) for name, (_, points) in found.items()},
-        "test_point_error_by_step_m": found["test"][1].mean(axis=0).round(6).tolist(),
-        "delta_m": float(np.percentile(found["validation"][0], DELTA_PERCENTILE)),
+        **{f"{name}_point_error_m": float(of.points[of.counted].mean()) for name, of in found.items()},
+        "test_point_error_by_step_m": [round(float(x[kept].mean()), 6) for x, kept in steps if kept.any()],
+        "delta_m": float(np.percentile(d[counted], DELTA_PERCENTILE)),
         "trajectories": {name: len(getattr(data, name)) for name in found},
     }
 

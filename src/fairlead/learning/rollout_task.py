@@ -24,7 +24,7 @@ class RolloutTask(Task):
 
     Each state component (grippers, object) weighs once, by its mean square error. The score is the validation error per
     point [m] over ten-step rollouts. `step` makes the next states of states, actions and scenes, with a stream for what
-    it draws; actions whose outcome is in `leave_out` are not learned from.
+    it draws; actions whose outcome is in `leave_out` are not learned from, and the score is of what precedes them.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class RolloutTask(Task):
         leave_out: Collection[ActionOutcome] = (),
     ) -> None:
         self.module, self._step, self._dynamics = module, step, dynamics
-        self._data, self._members, self._mirror = data, members, mirror
+        self._data, self._members, self._mirror, self._leave_out = data, members, mirror, leave_out
         self._windows = Windows(data.train, device_of(module), leave_out)
 
     def order(self, stage: Stage, rng: np.random.Generator) -> Sequence[Int[np.ndarray, "member batch 2"]]:
@@ -59,7 +59,8 @@ class RolloutTask(Task):
         return total / actions.shape[2]
 
     def score(self) -> float:
-        return float(rollout_errors(self._dynamics, self._data.validation)[1].mean())
+        found = rollout_errors(self._dynamics, self._data.validation, self._leave_out)
+        return float(found.points[found.counted].mean())
 
 
 def _mirrored(vectors: Tensor, flip: Tensor) -> Tensor:

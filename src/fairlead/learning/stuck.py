@@ -61,7 +61,8 @@ def accepted(
     count: int,
     rng: np.random.Generator,
 ) -> Bool[np.ndarray, "batch count"]:
-    """Whether the check accepts what the dynamics predict for each of `count` random actions in each state."""
+    """Whether planning accepts what the dynamics predict for each of `count` random actions in each state: within
+    bounds, and trusted."""
     if not len(states):
         return np.empty((0, count), bool)
     encodings = check.encode(environment, states)
@@ -72,7 +73,8 @@ def accepted(
         rows = slice(low, low + _ROWS)
         ahead = dynamics.predict(environment, repeated[rows], actions[rows])
         t = Transitions(repeated[rows], actions[rows], ahead.mean, ahead.spread)
-        found[rows] = check.probability(environment, t, encoded[rows], check.encode(environment, ahead.mean)) > 0.5
+        trust = check.probability(environment, t, encoded[rows], check.encode(environment, ahead.mean))
+        found[rows] = environment.contains(ahead.mean) & (trust > 0.5)
     return found.reshape(len(states), count)
 
 

@@ -16,6 +16,8 @@ from fairlead.core.roles import Environment
 from fairlead.geometry.frames import local_origin
 from fairlead.learning.device import CPU
 
+_TIE = 1e-4
+
 
 @dataclass(frozen=True)
 class Occupancy:
@@ -59,9 +61,12 @@ class VoxelGrid:
     def corner(
         self, layout: StateLayout, states: Float[np.ndarray, "batch state"], origin: Float[np.ndarray, " 3"]
     ) -> Int[np.ndarray, "batch 3"]:
-        """Index, in the environment's cells, of the first cell of each local grid."""
+        """Index, in the environment's cells, of the first cell of each local grid.
+
+        A state between two cells takes the lower one, in single as in double precision: ropes on a table all are.
+        """
         cell = np.nan_to_num((local_origin(layout, states) - origin) / self.resolution)
-        centre = np.rint(np.clip(cell, -1e6, 1e6)).astype(np.intp)
+        centre = np.ceil(np.clip(cell, -1e6, 1e6) - 0.5 - _TIE).astype(np.intp)
         return centre - np.array(self.shape) // 2
 
     def draw(

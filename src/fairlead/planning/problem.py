@@ -44,11 +44,6 @@ class Problem:
         """How to read a state."""
         return self.dynamics.layout
 
-    def inside(self, states: Float[np.ndarray, "batch state"]) -> Bool[np.ndarray, " batch"]:
-        """Whether every point of a state lies within the environment's bounds; false where it is NaN."""
-        low, high = np.tile(self.environment.bounds, states.shape[1] // 3)
-        return ((states >= low) & (states <= high)).all(axis=1)
-
     def attempt(
         self,
         states: Float[np.ndarray, "batch state"],
@@ -68,7 +63,7 @@ class Problem:
         next_encodings = self.check.encode(self.environment, mean)
         transitions = Transitions(states, actions, mean, spread)
         trust = self.check.probability(self.environment, transitions, encodings, next_encodings)
-        accepted = finite & self.inside(mean) & (trust > self.threshold)
+        accepted = finite & self.environment.contains(mean) & (trust > self.threshold)
         return Tried(mean, next_encodings, trust, accepted, int((~finite | np.isnan(trust)).sum()))
 
 
