@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 
 from fairlead.core import artifacts
 from fairlead.core.artifacts import MANIFEST, alone, read_manifest, sha256
-from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
+from fairlead.core.errors import ArtifactError, FairleadError
 from fairlead.core.records import ActionOutcome
 from fairlead.core.workers import travels
 from fairlead.data import recording
@@ -62,7 +62,7 @@ def all_shards(folder: Path) -> list[Shard]:
 
 
 def test_every_trajectory_is_there_once_in_one_split(dataset: Path) -> None:
-    splits = [load(dataset, split, FakeScenario()) for split in SPLITS]
+    splits = load(dataset, FakeScenario()).values()
     assert sum(map(len, splits)) == CONFIG.trajectories
     episodes = np.concatenate([shard.episode for shard in all_shards(dataset)])
     assert sorted(episodes) == list(range(CONFIG.trajectories))
@@ -77,10 +77,9 @@ def test_the_first_trajectories_are_what_a_shorter_recording_holds(tmp_path: Pat
         collect(FakeScenario(fragile), replace(config, trajectories=trajectories), tmp_path / name)
     if fragile:
         assert read_manifest(tmp_path / "short", "dataset").extra["diverged"]
+    whole, alone = (load(tmp_path / name, FakeScenario(), n) for name, n in (("long", count), ("short", None)))
     for split in SPLITS:
-        part, short = (
-            load(tmp_path / name, split, FakeScenario(), first) for name, first in (("long", count), ("short", None))
-        )
+        part, short = whole[split], alone[split]
         assert len(part.environments) == len(short.environments) == len(np.unique(part.scene))
         for name in ("states", "actions", "outcomes"):
             np.testing.assert_array_equal(getattr(part, name), getattr(short, name))
@@ -91,7 +90,7 @@ def test_the_first_trajectories_are_what_a_shorter_recording_holds(tmp_path: Pat
 @pytest.mark.parametrize("first", [0, CONFIG.trajectories + 1])
 def test_no_more_trajectories_are_read_than_there_are(dataset: Path, first: int) -> None:
     with pytest.raises(ArtifactError, match=f"first {first} trajectories .* there are {CONFIG.trajectories}"):
-        load(dataset, "train", FakeScenario(), first)
+        load(dataset, FakeScenario(), first)
 
 
 def test_no_scene_and_no_lane_is_in_two_splits(dataset: Path) -> None:
@@ -156,7 +155,7 @@ def test_fewer_trajectories_than_lanes(tmp_path: Path) -> None:
     manifest = collect(FakeScenario(), CollectConfig(1, 3), tmp_path / "d")
     assert manifest.extra["trajectories"] == 3
     with pytest.raises(ArtifactError, match="at least eight lanes"):
-        load(tmp_path / "d", "test", FakeScenario())
+        load(tmp_path / "d", FakeScenario())
 
 
 def test_a_finished_dataset_is_left_as_it_is_and_another_configuration_is_refused(dataset: Path) -> None:
@@ -189,7 +188,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bytes(tmp_path: Path, dataset: P
     with pytest.raises(KeyboardInterrupt):
         collect(FakeScenario(), CONFIG, tmp_path / "d", advance=interrupt_after(stop))
     with pytest.raises(ArtifactError, match="not a finished dataset"):
-        load(tmp_path / "d", "train", FakeScenario())
+        load(tmp_path / "d", FakeScenario())
     collect(FakeScenario(), CONFIG, tmp_path / "d")
     assert contents(tmp_path / "d") == contents(dataset)
 
@@ -370,7 +369,7 @@ def small(tmp_path: Path) -> Path:
 def test_verify_names_a_truncated_shard(small: Path) -> None:
     path = small / "shard-00001.parquet"
     path.write_bytes(path.read_bytes()[:100])
-    for read in (verify, lambda folder: load(folder, "train", FakeScenario())):
+    for read in (verify, lambda folder: load(folder, FakeScenario())):
         with pytest.raises(ArtifactError, match=r"shard-00001\.parquet: damaged"):
             read(small)
     manifest = json.loads((small / MANIFEST).read_text())
@@ -416,10 +415,8 @@ def test_info_needs_the_manifest_alone(small: Path) -> None:
 
 
 def test_mistakes_are_named(small: Path) -> None:
-    with pytest.raises(UnknownNameError, match="did you mean 'train'"):
-        load(small, "trian", FakeScenario())
     with pytest.raises(ArtifactError, match="scenario 'fake'; one of 'dragging'"):
-        load(small, "train", Dragging())
+        load(small, Dragging())
     for wrong in ({"phase": 3}, {"trajectories": 0}, {"lanes": 0}, {"steps": -1}):
         with pytest.raises(FairleadError, match=next(iter(wrong))):
             CollectConfig(**{"phase": 1, "trajectories": 8} | wrong)

@@ -141,12 +141,11 @@ def test_a_perfect_model_is_always_reliable_where_nothing_is_in_the_way() -> Non
     }
 
 
-def test_a_limit_takes_a_seeded_sample_of_the_same_examples() -> None:
-    data = trajectories(6, 6, 2, np.random.default_rng(1))
-    whole = {tuple(row) for row in label(FollowDynamics(0.0), data, DELTA).source.tolist()}
-    one, same = (label(FollowDynamics(0.0), data, DELTA, limit=20, rng=np.random.default_rng(4)) for _ in range(2))
+def test_a_sample_is_seeded_and_of_the_same_examples() -> None:
+    whole = label(FollowDynamics(0.0), trajectories(6, 6, 2, np.random.default_rng(1)), DELTA)
+    one, same = (whole.sample(20, np.random.default_rng(4)) for _ in range(2))
     assert len(one) == 20
-    assert {tuple(row) for row in one.source.tolist()} < whole
+    assert {tuple(row) for row in one.source.tolist()} < {tuple(row) for row in whole.source.tolist()}
     assert (one.source == same.source).all()
 
 

@@ -100,8 +100,8 @@ def test_no_window_has_an_action_that_is_left_out() -> None:
     assert every - left == {(0, 2), (0, 3), (5, 0)}
 
 
-def weights_after(folder: Path, stop_at: int | None) -> dict[str, torch.Tensor]:
-    """Weights after training in `folder`, where training stops with an interrupt at the score of epoch `stop_at`."""
+def weights_after(folder: Path, stop_at: int | None) -> tuple[dict[str, torch.Tensor], float]:
+    """Weights after training in `folder`, which is interrupted at the score of epoch `stop_at`, and what `fit` says."""
     module = Ensemble(LAYOUT, SMALL, 0)
     dynamics = LearnedDynamics(module)
     task = RolloutTask(module, lambda s, a, *_: module(s, a), dynamics, DATA, SMALL.members, mirror=True)
@@ -115,17 +115,18 @@ def weights_after(folder: Path, stop_at: int | None) -> dict[str, torch.Tensor]:
         return score()
 
     task.score = counted
-    fit(task, SMALL.stages, 3, folder, checkpoint_s=0.0)
-    return module.state_dict()
+    earlier_s = fit(task, SMALL.stages, 3, folder, checkpoint_s=0.0)
+    return module.state_dict(), earlier_s
 
 
 @pytest.mark.parametrize("stop_at", [2, 4, 5])
 def test_resumed_training_gives_the_same_weights(tmp_path: Path, stop_at: int) -> None:
-    straight = weights_after(tmp_path / "straight", None)
+    straight, nothing = weights_after(tmp_path / "straight", None)
     with pytest.raises(KeyboardInterrupt):
         weights_after(tmp_path / "stopped", stop_at)
     assert (tmp_path / "stopped" / CHECKPOINT).exists()
-    resumed = weights_after(tmp_path / "stopped", None)
+    resumed, earlier_s = weights_after(tmp_path / "stopped", None)
+    assert nothing == 0 < earlier_s
     assert all(torch.equal(straight[name], resumed[name]) for name in straight)
 
 

@@ -74,8 +74,8 @@ def test_what_the_paper_reuses_is_reused_and_the_rest_is_trained_on_the_task(lin
 def test_no_scene_that_is_tried_is_seen_in_training(line: Path) -> None:
     task = scenario("install_hose")
     tried = {environment_boxes(task, scene.obstacles) for scene in task.scenes(benchmark_scenes(task.name)).scenes}
-    seen = {tuple(environment.boxes) for split in ("train", "validation", "test")
-            for environment in load(line / "data" / task.name, split, task).environments}  # fmt: skip
+    splits = load(line / "data" / task.name, task).values()
+    seen = {tuple(environment.boxes) for data in splits for environment in data.environments}
     assert len(seen) > 1
     assert not seen & tried
 

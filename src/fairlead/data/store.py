@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Bool
 
 from fairlead.core.artifacts import Manifest, read_json, read_manifest, verify_files
-from fairlead.core.errors import ArtifactError, FileFormatError, UnknownNameError
+from fairlead.core.errors import ArtifactError, FileFormatError
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import ActionOutcome, Trajectories
 from fairlead.data.shards import SPLITS, Shard, read_shard
@@ -57,30 +58,39 @@ def shards_of(folder: Path, manifest: Manifest) -> Iterator[tuple[Path, Shard]]:
         yield folder / name, read_shard(folder / name, layout, manifest.config["steps"])
 
 
-def load(folder: Path, split: str, scenario: Scenario, first: int | None = None) -> Trajectories:
-    """The trajectories of one split, 'train', 'validation' or 'test', of a dataset of `scenario`.
+def load(folder: Path, scenario: Scenario, first: int | None = None) -> dict[str, Trajectories]:
+    """The trajectories of each split, "train", "validation" and "test", of a dataset of `scenario`.
 
     With `first`, only those among the first so many of the dataset: the same as of a dataset of no more than these.
 
     Raises:
-        ArtifactError: the folder is not a finished dataset, or one of another scenario; a file is damaged, or the split
+        ArtifactError: the folder is not a finished dataset, or one of another scenario; a file is damaged, or a split
             is empty, or there are fewer than the first so many trajectories.
-        UnknownNameError: no such split.
     """
-    if split not in SPLITS:
-        raise UnknownNameError("split", split, SPLITS)
     manifest = read_manifest(folder, KIND)
     verify_files(folder, manifest)
     if (found := manifest.config["scenario"]) != scenario.name:
         raise ArtifactError(folder, f"a dataset of scenario '{found}'; one of '{scenario.name}' is needed here")
-    scenes = scenes_from_json(folder / SCENES, read_json(folder / SCENES))
     recorded = manifest.config["trajectories"]
     stop = recorded if first is None else first
     if not 0 < stop <= recorded:
         raise ArtifactError(folder, f"the first {stop} trajectories are asked for; there are {recorded}")
-    parts = [(s, (s.split == split) & (s.episode < stop)) for _, s in shards_of(folder, manifest)]
-    if not any(chosen.any() for _, chosen in parts):
-        raise ArtifactError(folder, f"no {split} trajectories; collect with at least eight lanes")
+    scenes = scenes_from_json(folder / SCENES, read_json(folder / SCENES))
+    shards = [shard for _, shard in shards_of(folder, manifest)]
+    for split in SPLITS:
+        if not any(_rows(shard, split, stop).any() for shard in shards):
+            raise ArtifactError(folder, f"no {split} trajectories; collect with at least eight lanes")
+    return {split: _trajectories(scenario, scenes, [(s, _rows(s, split, stop)) for s in shards]) for split in SPLITS}
+
+
+def _rows(shard: Shard, split: str, stop: int) -> Bool[np.ndarray, " row"]:
+    return np.asarray((shard.split == split) & (shard.episode < stop))
+
+
+def _trajectories(
+    scenario: Scenario, scenes: Sequence[Obstacles], parts: Sequence[tuple[Shard, Bool[np.ndarray, " row"]]]
+) -> Trajectories:
+    """The chosen rows of some shards, with the environments that they need."""
     used, scene = np.unique(np.concatenate([shard.scene[chosen] for shard, chosen in parts]), return_inverse=True)
     return Trajectories(
         layout=scenario.layout,

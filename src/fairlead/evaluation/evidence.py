@@ -138,7 +138,7 @@ def write_evidence(
         seed: of the choices.
         inputs: hashes of the manifests of models and data.
     """
-    examples = label(dynamics, data, delta, limit=_EXAMPLES, rng=stream(seed, "evidence", "examples"))
+    examples = label(dynamics, data, delta).sample(_EXAMPLES, stream(seed, "evidence", "examples"))
     found = {
         "trajectory": labelled_trajectory(dynamics, data, delta, stream(seed, "evidence", "trajectory")),
         "voxels": voxels(data, grid, stream(seed, "evidence", "voxels")),

@@ -5,11 +5,24 @@ A plan asks about few transitions at a time, and trials run in many processes: a
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeVar
+
 import numpy as np
 import torch
 from torch import Tensor, nn
 
+from fairlead.core.streams import stream_seed
+
 CPU = torch.device("cpu")
+N = TypeVar("N", bound=nn.Module)
+
+
+def seeded(build: Callable[[], N], seed: int, kind: str) -> N:
+    """A network whose weights derive from `seed`, in evaluation mode."""
+    with torch.random.fork_rng(devices=[]):  # torch's layers draw from the global generator: put it back afterwards
+        torch.manual_seed(stream_seed(seed, kind, "weights"))
+        return build().eval()
 
 
 def training_device() -> torch.device:

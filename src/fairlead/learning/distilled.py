@@ -24,7 +24,7 @@ from fairlead.core.records import Prediction, Trajectories
 from fairlead.core.roles import ActionSampler, Dynamics, Environment
 from fairlead.core.streams import stream, stream_seed
 from fairlead.geometry.distance import point_error
-from fairlead.learning.device import CPU, beside, device_of
+from fairlead.learning.device import beside, device_of
 from fairlead.learning.dynamics import (
     DynamicsConfig,
     Ensemble,
@@ -169,9 +169,9 @@ def train_distilled(
         for name, size in zip(("train", "validation", "test"), sizes, strict=True)
     )
     task, key = _Imitating(dynamics, lesson, judge), job.key("distilled", config)
-    fit(task, config.stages, job.seed, job.folder, key=key, title="distilled")
+    earlier_s = fit(task, config.stages, job.seed, job.folder, key=key, title="distilled")
     metrics = _metrics(ensemble, dynamics, data, test)
-    saved, seconds = Saved(config, of), time.monotonic() - started
+    saved, seconds = Saved(config, of), earlier_s + time.monotonic() - started
     save_model(job, "distilled", of.network, data.layout, saved, module.state_dict(), metrics, seconds)
     return dynamics
 
@@ -200,10 +200,10 @@ class Saved:
     dynamics: DynamicsConfig
 
 
-def distilled_from(model: ModelFile, device: torch.device = CPU) -> LearnedDynamics[Distilled]:
+def distilled_from(model: ModelFile) -> LearnedDynamics[Distilled]:
     """The dynamics of a model that was read."""
     values: Mapping[str, Any] = model.config["distilled"]
     config = DistilledConfig(**{**values, "stages": stages_from(values["stages"])})
     module = Distilled(model.layout, dynamics_config_from(model.config["dynamics"]), config, 0)
     model.load_into(module)
-    return LearnedDynamics(module.to(device))
+    return LearnedDynamics(module)

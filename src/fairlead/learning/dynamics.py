@@ -186,9 +186,9 @@ def train_dynamics(data: Splits, config: DynamicsConfig, job: Job) -> LearnedDyn
         module, lambda states, actions, *_: module(states, actions), dynamics, data, config.members, mirror=True
     )
     key = job.key("dynamics", config)
-    fit(task, config.stages, job.seed, job.folder, key=key, patience=config.patience, title="dynamics")
+    earlier_s = fit(task, config.stages, job.seed, job.folder, key=key, patience=config.patience, title="dynamics")
     metrics = dynamics_metrics(dynamics, data)
-    seconds = time.monotonic() - started
+    seconds = earlier_s + time.monotonic() - started
     save_model(job, "dynamics", config.network, data.layout, config, module.state_dict(), metrics, seconds)
     return dynamics
 

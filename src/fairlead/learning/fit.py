@@ -97,12 +97,13 @@ def fit(
     patience: int = 30,
     checkpoint_s: float = 20.0,
     title: str = "training",
-) -> list[dict[str, float]]:
+) -> float:
     """Fit `task.module`, and leave the weights with the best validation score in it.
 
-    A checkpoint in `folder` is written at least every `checkpoint_s` seconds, at the end of an epoch; if one with the
+    A checkpoint in `folder` is written at the end of an epoch, every `checkpoint_s` seconds at most; if one with the
     same `key` is there, training goes on from it to exactly the same weights (on a CPU, with as many threads).
-    Returns the curves, one row an epoch, also written as `curves.csv` and `curves.png`.
+    The curves, one row an epoch, are written as `curves.csv` and `curves.png`. Returns how long epochs took that were
+    done already [s].
 
     Raises:
         ArtifactError: the checkpoint belongs to another `key`.
@@ -115,7 +116,7 @@ def fit(
         snapshot = read_snapshot(path, key)
         state, best = _State(**snapshot.scalars), snapshot.best
         snapshot.restore(task.module, optimiser)
-    saved = time.monotonic()
+    saved, earlier_s = time.monotonic(), sum(row["seconds"] for row in state.history)
     with _progress() as progress:
         bar = progress.add_task(title, total=sum(stage.epochs for stage in stages), completed=len(state.history))
         while state.stage < len(stages):
@@ -142,7 +143,7 @@ def fit(
                 saved = time.monotonic()
     write_snapshot(path, key, Snapshot.take(task.module, optimiser, best, vars(state)))
     write_curves(folder, title, state.history)
-    return state.history
+    return earlier_s
 
 
 def _adam(module: nn.Module) -> torch.optim.Adam:

@@ -20,8 +20,7 @@ from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import Prediction
 from fairlead.core.roles import Dynamics, Environment
-from fairlead.core.streams import stream_seed
-from fairlead.learning.device import beside, device_of
+from fairlead.learning.device import beside, device_of, seeded
 from fairlead.learning.fit import Stage, fit, stages_from
 from fairlead.learning.labels import CUT_BY_ARMS
 from fairlead.learning.model_files import Job, ModelFile, save_model
@@ -147,9 +146,7 @@ class LearnedFullDynamics(Dynamics):
 
 
 def _build(layout: StateLayout, config: FullDynamicsConfig, seed: int) -> FullNetwork:
-    with torch.random.fork_rng(devices=[]):  # as in trust.build_network
-        torch.manual_seed(stream_seed(seed, "full-dynamics", "weights"))
-        return FullNetwork(layout, config).eval()
+    return seeded(lambda: FullNetwork(layout, config), seed, "full-dynamics")
 
 
 def train_full_dynamics(data: Splits, config: FullDynamicsConfig, job: Job) -> LearnedFullDynamics:
@@ -169,9 +166,9 @@ def train_full_dynamics(data: Splits, config: FullDynamicsConfig, job: Job) -> L
     dynamics = LearnedFullDynamics(module)
     key = job.key("full-dynamics", config)
     task = RolloutTask(module, step, dynamics, data, leave_out=CUT_BY_ARMS)
-    fit(task, config.stages, job.seed, job.folder, key=key, patience=config.patience, title="full dynamics")
+    earlier_s = fit(task, config.stages, job.seed, job.folder, key=key, patience=config.patience, title="full dynamics")
     metrics = dynamics_metrics(dynamics, data, CUT_BY_ARMS)
-    seconds = time.monotonic() - started
+    seconds = earlier_s + time.monotonic() - started
     save_model(job, "full-dynamics", "voxel", data.layout, config, module.state_dict(), metrics, seconds)
     return dynamics
 
@@ -179,8 +176,7 @@ def train_full_dynamics(data: Splits, config: FullDynamicsConfig, job: Job) -> L
 def full_dynamics_from(model: ModelFile) -> LearnedFullDynamics:
     """The baseline of a model that was read."""
     values: dict[str, Any] = model.config
-    stages = stages_from(values["stages"])
-    grid = VoxelGrid(**{**values["grid"], "shape": tuple(values["grid"]["shape"])})
+    stages, grid = stages_from(values["stages"]), VoxelGrid.read(values["grid"])
     module = _build(model.layout, FullDynamicsConfig(**{**values, "stages": stages, "grid": grid}), 0)
     model.load_into(module)
     return LearnedFullDynamics(module)

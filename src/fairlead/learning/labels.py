@@ -19,7 +19,7 @@ from typing import Any, Self
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
-from fairlead.core.errors import FairleadError, UnknownNameError
+from fairlead.core.errors import UnknownNameError
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import ActionOutcome, Trajectories, Transitions, ended_in
 from fairlead.core.roles import Dynamics, Environment
@@ -87,22 +87,17 @@ def label(
     data: Trajectories,
     delta: float,
     rule: str = "figure",
-    limit: int | None = None,
-    rng: np.random.Generator | None = None,
     leave_out: Collection[ActionOutcome] = (),
 ) -> Examples:
-    """The examples of `data` under the mean predictions of `dynamics`; with `limit`, a uniform sample of so many.
+    """The examples of `data` under the mean predictions of `dynamics`.
 
     Actions whose outcome is in `leave_out` are no examples.
 
     Raises:
         UnknownNameError: a rule that is not in `RULES`.
-        FairleadError: a limit without `rng` to sample with.
     """
     if rule not in RULES:
         raise UnknownNameError("labelling rule", rule, RULES)
-    if limit is not None and rng is None:
-        raise FairleadError("a limit on examples needs a random stream to choose them with")
     wanted = ~ended_in(data.outcomes, leave_out)
     order, found_by = np.argsort(data.scene, kind="stable"), _figure if rule == "figure" else _text
     parts = [
@@ -113,8 +108,7 @@ def label(
     )
     scenes = data.scene[source[:, 0]]
     transitions = Transitions(states, actions, next_states, spread)
-    examples = Examples(data.layout, data.environments, transitions, error < delta, error, before, scenes, source)
-    return examples if limit is None or rng is None else examples.sample(limit, rng)
+    return Examples(data.layout, data.environments, transitions, error < delta, error, before, scenes, source)
 
 
 _Found = tuple[Float32[np.ndarray, "example _"], ...]

@@ -14,8 +14,8 @@ from torch import Tensor, nn
 
 from fairlead.core.errors import FairleadError
 from fairlead.core.roles import ActionSampler, Dynamics, Environment, RecoveryPolicy, TransitionCheck
-from fairlead.core.streams import stream, stream_seed
-from fairlead.learning.device import beside
+from fairlead.core.streams import stream
+from fairlead.learning.device import beside, seeded
 from fairlead.learning.fit import Stage, Task, fit, stages_from
 from fairlead.learning.labels import CUT_BY_ARMS
 from fairlead.learning.metrics import log_loss
@@ -156,27 +156,25 @@ def train_recovery(
         )  # fmt: skip
     metrics: dict[str, Any] = {"trained": len(found["train"]) >= ENOUGH and len(found["validation"]) > 0}
     metrics |= {name: examples.counts() for name, examples in found.items()}
-    network = None
+    network, earlier_s = None, 0.0
     if metrics["trained"]:
         network = _build(trust, config, job.seed).to(job.device)
         inputs = {name: network.prepare(getattr(data, name).environments, e) for name, e in found.items() if len(e)}
         sets = [(inputs[name], found[name].share) for name in ("train", "validation")]
-        fit(RecoveryTask(network, *sets), config.stages, job.seed, job.folder,
-            key=job.key("recovery", config), patience=config.patience, title="recovery")  # fmt: skip
+        earlier_s = fit(RecoveryTask(network, *sets), config.stages, job.seed, job.folder,
+                        key=job.key("recovery", config), patience=config.patience, title="recovery")  # fmt: skip
         for name, x in inputs.items():
             metrics[name]["log_loss"] = log_loss(probabilities(network, x, len(found[name])), found[name].share)
     else:
         metrics["why"] = f"fewer than {ENOUGH} stuck states in training data, or none in validation: acts at random"
-    saved, seconds = _Saved(config, trust.config), time.monotonic() - started
+    saved, seconds = _Saved(config, trust.config), earlier_s + time.monotonic() - started
     tensors = {} if network is None else network.state_dict()
     save_model(job, "recovery", trust.config.network, trust.layout, saved, tensors, metrics, seconds)
     return LearnedRecovery(network, sampler, config.samples)
 
 
 def _build(trust: TrustNetwork, config: RecoveryConfig, seed: int) -> RecoveryNetwork:
-    with torch.random.fork_rng(devices=[]):  # as in trust.build_network
-        torch.manual_seed(stream_seed(seed, "recovery", "weights"))
-        return _NETWORKS[trust.config.network](trust, config).eval()
+    return seeded(lambda: _NETWORKS[trust.config.network](trust, config), seed, "recovery")
 
 
 def recovery_from(model: ModelFile, sampler: ActionSampler) -> LearnedRecovery:

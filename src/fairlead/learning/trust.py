@@ -16,8 +16,8 @@ from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import Trajectories, Transitions
 from fairlead.core.roles import Dynamics, Environment, TransitionCheck
-from fairlead.core.streams import stream, stream_seed
-from fairlead.learning.device import CPU, beside
+from fairlead.core.streams import stream
+from fairlead.learning.device import CPU, beside, seeded
 from fairlead.learning.fit import Stage, Task, fit, stages_from
 from fairlead.learning.labels import CUT_BY_ARMS, RULES, Examples, label
 from fairlead.learning.metrics import balanced_log_loss, best_threshold, classification
@@ -29,16 +29,14 @@ from fairlead.learning.trust_voxel import VoxelTrust
 from fairlead.learning.voxels import VoxelGrid
 
 HELD_OUT = 15_000
-"""Most examples of validation and of test: the same ones for every network, so that their metrics can be compared."""
+"""Most examples of validation and of test: of the same data, delta and rule the same ones for every network."""
 _BUILDERS: dict[str, Callable[[StateLayout, TrustConfig], TrustNetwork]] = {"sdf": SdfTrust, "voxel": VoxelTrust}
 _ROWS = 512
 
 
 def build_network(layout: StateLayout, config: TrustConfig, seed: int) -> TrustNetwork:
     """A network with weights derived from `seed`, in evaluation mode."""
-    with torch.random.fork_rng(devices=[]):  # torch's layers draw from the global generator: put it back afterwards
-        torch.manual_seed(stream_seed(seed, "trust", "weights"))
-        return _BUILDERS[config.network](layout, config).eval()
+    return seeded(lambda: _BUILDERS[config.network](layout, config), seed, "trust")
 
 
 @final
@@ -152,7 +150,7 @@ def fit_trust(labelled: Labelled, config: TrustConfig, job: Job, started: float 
     network = build_network(layout, config, job.seed).to(job.device)
     task = TrustTask(network, examples["train"], examples["validation"])
     key, title = job.key(f"trust at {delta!r}", config), f"trust ({config.network})"
-    fit(task, config.stages, job.seed, job.folder, key=key, patience=config.patience, title=title)
+    earlier_s = fit(task, config.stages, job.seed, job.folder, key=key, patience=config.patience, title=title)
     metrics: dict[str, Any] = {"delta_m": delta, "rule": labelled.rule}
     for name, found in examples.items():
         metrics[name] = classification(probabilities(network, network.prepare(found), len(found)), found.labels)
@@ -160,14 +158,14 @@ def fit_trust(labelled: Labelled, config: TrustConfig, job: Job, started: float 
     held_out = examples["validation"]
     metrics["spread_threshold_m"] = best_threshold(held_out.transitions.spread, held_out.labels)
     metrics["rules"] = {rule: e.counts() for rule, e in {labelled.rule: whole["train"], **labelled.others}.items()}
-    save_model(job, "trust", config.network, layout, config, network.state_dict(), metrics, time.monotonic() - started)
+    seconds = earlier_s + time.monotonic() - started
+    save_model(job, "trust", config.network, layout, config, network.state_dict(), metrics, seconds)
     return LearnedCheck(network)
 
 
 def trust_config_from(values: dict[str, Any]) -> TrustConfig:
     """A configuration read from JSON."""
-    stages = stages_from(values["stages"])
-    grid = VoxelGrid(**{**values["grid"], "shape": tuple(values["grid"]["shape"])})
+    stages, grid = stages_from(values["stages"]), VoxelGrid.read(values["grid"])
     return TrustConfig(**{**values, "stages": stages, "grid": grid})
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 import torch
@@ -53,6 +54,11 @@ class VoxelGrid:
     shape: tuple[int, int, int]
     resolution: float
     sharpness: float = 1500.0
+
+    @classmethod
+    def read(cls, values: Mapping[str, Any]) -> Self:
+        """A grid as JSON gives it."""
+        return cls(**{**values, "shape": tuple(values["shape"])})
 
     def channels(self, layout: StateLayout) -> int:
         """Occupancy, rope, and one for each gripper."""

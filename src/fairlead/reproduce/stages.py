@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 from fairlead.core.artifacts import MANIFEST, alone, read_json, read_manifest, sha256, verify_files, write_atomic
 from fairlead.core.errors import ArtifactError
-from fairlead.data.shards import SPLITS
 from fairlead.data.store import load
 from fairlead.evaluation.evidence import write_evidence
 from fairlead.learning.distilled import DistilledConfig, train_distilled
@@ -52,7 +51,7 @@ def splits(data: Data, scenario: Scenario, phase: int) -> Splits:
     found = read_manifest(part.folder, "dataset").config["phase"]
     if found != phase:
         raise ArtifactError(part.folder, f"a dataset of phase '{found}'; one of '{phase}' is needed here")
-    return Splits(*(load(part.folder, split, scenario, part.trajectories) for split in SPLITS))
+    return Splits(**load(part.folder, scenario, part.trajectories))
 
 
 def _hashes(inputs: Mapping[str, Data]) -> dict[str, str]:
