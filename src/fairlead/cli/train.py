@@ -39,7 +39,7 @@ class Command:
     trust: Path | None = None
     """Folder of the trained classifier (recovery)."""
     network: str | None = None
-    """dynamics: chain or mlp (the paper's). trust: sdf or voxel (the paper's)."""
+    """dynamics: chain, or mlp (the paper's layers). trust: sdf or voxel (the paper's)."""
     grid: Literal["coarse", "paper"] | None = None
     """Voxels of a voxel classifier or of full dynamics; the preset's by default."""
     delta: float | None = None

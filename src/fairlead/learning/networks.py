@@ -55,7 +55,7 @@ class DynamicsNetwork(nn.Module, ABC):
 
 @final
 class PaperMLP(DynamicsNetwork):
-    """The paper's: two hidden layers with ReLU on the concatenated state and action."""
+    """The paper's layers: two hidden ones with ReLU on the concatenated state and action."""
 
     def __init__(self, shape: Shape, generator: torch.Generator) -> None:
         super().__init__()
