@@ -31,7 +31,7 @@ class Clearance(TransitionCheck):
         self.layout, self.margin = layout, margin
 
     def encode(self, environment: Environment, states: np.ndarray) -> np.ndarray:
-        distance = environment.distance_and_gradient(self.layout.points_of(states))[..., 0]
+        distance = environment.distance_and_gradient(self.layout.object_of(states))[..., 0]
         return distance.min(axis=1, keepdims=True).astype(np.float32)
 
     def probability(

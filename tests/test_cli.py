@@ -213,6 +213,17 @@ def test_doctor_finds_what_the_tests_run_with(
     assert found["mujoco"][0].isdigit()
 
 
+def test_scenes_of_before_are_not_replaced(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine = tmp_path / "mine.json"
+    mine.write_text("written by hand")
+    for out in (mine, tmp_path):
+        assert call(monkeypatch, "scenes", "dragging", "--count", "1", "--out", out) == 2
+        assert f"{out}: is there already" in capsys.readouterr().err
+    assert mine.read_text() == "written by hand"
+
+
 @pytest.mark.parametrize(("command", "table"), [("methods", METHODS), ("planners", PLANNERS)])
 def test_a_table_names_what_evaluate_takes(
     command: str, table: dict[str, object], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

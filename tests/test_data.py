@@ -24,6 +24,7 @@ from hypothesis import strategies as st
 from fairlead.core import artifacts
 from fairlead.core.artifacts import MANIFEST, alone, read_manifest, sha256
 from fairlead.core.errors import ArtifactError, FairleadError
+from fairlead.core.layout import StateLayout
 from fairlead.core.records import ActionOutcome
 from fairlead.core.workers import travels
 from fairlead.data import recording
@@ -364,6 +365,23 @@ def rewrite(folder: Path, name: str, shard: Shard) -> None:
 def small(tmp_path: Path) -> Path:
     collect(FakeScenario(), CollectConfig(2, 16, lanes=8, steps=3), tmp_path / "d")
     return tmp_path / "d"
+
+
+def test_data_in_which_everything_diverged_are_none(tmp_path: Path) -> None:
+    for _ in range(2):
+        with pytest.raises(ArtifactError, match="all 16 trajectories diverged"):
+            collect(FakeScenario(fragile=9.0), CollectConfig(1, 16, lanes=8, steps=3), tmp_path / "d")
+    assert not (tmp_path / "d" / MANIFEST).exists()
+
+
+def test_data_of_another_rope_are_refused(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    longer = FakeScenario()
+    longer.layout = StateLayout(longer.layout.grippers, longer.layout.points + 1)
+    with pytest.raises(ArtifactError, match="its states are "):
+        load(small, longer)
+    monkeypatch.setattr("fairlead.data.verify.find_scenario", lambda name: longer)
+    with pytest.raises(ArtifactError, match="its states are "):
+        verify(small)
 
 
 def test_verify_names_a_truncated_shard(small: Path) -> None:

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from fairlead.core.artifacts import read_jsonl
 from fairlead.core.budget import Budget
-from fairlead.core.errors import ArtifactError
+from fairlead.core.errors import ArtifactError, FairleadError
 from fairlead.core.records import Executed, Plan, PlanOutcome, TrialOutcome
 from fairlead.core.roles import Goal, RecoveryPolicy, World
 from fairlead.core.traces import EVENTS, read_trace
@@ -92,6 +92,53 @@ def test_the_first_plan_is_judged_after_it_was_executed_whole():
     assert goes_on.first_plan_error_m == GOAL.error(START) != goes_on.error_m
     cut = trial(scripted_task([9]), Budget(seconds=3.5), clock=lambda: 0.0)
     assert (cut.actions, cut.first_plan_success, cut.first_plan_error_m) == (4, None, None)
+
+
+PLAN = Plan(PlanOutcome.GOAL, np.stack([START, START]), START[None, :3], np.ones(1), 1, 2)
+
+
+@pytest.mark.parametrize(
+    ("plan", "said"),
+    [
+        (None, "the planner answered is a NoneType"),
+        (replace(PLAN, states=PLAN.states[1:]), r"states must be an array of shape \(2, 12\), not \(1, 12\)"),
+        (replace(PLAN, actions=PLAN.actions * np.nan), "actions must be finite"),
+    ],
+)
+def test_what_is_no_plan_is_not_followed(plan, said):
+    world = ToyWorld(arena(BAR), START[None])
+    with pytest.raises(FairleadError, match=said):
+        trial(Task(arena(BAR), GOAL, lambda s, m, r: plan, NoRecovery()), world=world)
+    assert world.executed == 0
+
+
+@final
+class Odd(World):
+    """Answers as it is told to."""
+
+    layout = LAYOUT
+
+    def __init__(self, answer):
+        self.answer = answer
+
+    def observe(self):
+        return START[None]
+
+    def execute(self, actions):
+        return self.answer
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        (Executed(START[None] * np.nan, np.ones(1), np.zeros(1, int)), "Odd: an executed state must be finite"),
+        (Executed(START[None, :9], np.ones(1), np.zeros(1, int)), r"Odd: an executed state .* \(1, 12\), not \(1, 9\)"),
+        (Executed(START[None], -np.ones(1), np.zeros(1, int)), "Odd: an action took -1 s"),
+    ],
+)
+def test_what_no_world_can_do_ends_the_trial(answer, said):
+    with pytest.raises(FairleadError, match=said):
+        trial(scripted_task([2]), world=Odd(answer))
 
 
 def test_stuck_ends_the_paper_protocol_and_not_the_fair_one():

@@ -39,6 +39,7 @@ LAYOUT = StateLayout(("left", "right"), 5)
 YAW = [0.0, 0.0, float(np.sin(0.3)), float(np.cos(0.3))]
 BOX = {"size": [0.5, 0.3, 0.4], "position": [0.2, -0.1, 0.3], "quaternion_xyzw": YAW}
 TAIL = {"target": "tail", "position": [0.3, -0.2, 0.1], "radius": 0.2}
+AGAIN = {"target": "tail", "position": [0, 0, 0]}
 ENDS = {
     "kind": "points",
     "places": [{"target": "head", "position": [0.3, 0.1, 0.2]}, {"target": 0, "position": [0.0, 0.4, 0.2]}],
@@ -162,7 +163,7 @@ def test_every_scene_file_that_comes_with_the_package_is_read_and_written_as_it_
         ({**TAIL, "radius": 0}, "goal.radius: a positive number of metres is needed, got 0"),
         ({"kind": "points", "radius": 1}, "goal.places: missing; found: kind, radius"),
         ({"kind": "points", "places": [], "radius": 1}, "goal.places: at least one is needed"),
-        ({**ENDS, "places": [*ENDS["places"], TAIL]}, r"goal.places\[2\].target: 'tail' has a place already"),
+        ({**ENDS, "places": [*ENDS["places"], AGAIN]}, r"goal.places\[2\].target: 'tail' has a place already"),
         ({"kind": "inside", "box": {**BOX, "size": [1, -1, 1]}}, "goal.box.size: every side must be positive"),
         ({"kind": "all", "goals": []}, "goal.goals: at least one is needed"),
         ({"kind": "any", "goals": [TAIL, 3]}, r"goal.goals\[1\]: an object is needed, got int"),

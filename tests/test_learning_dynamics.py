@@ -17,6 +17,7 @@ from fairlead.core.layout import StateLayout
 from fairlead.core.records import ActionOutcome, Trajectories
 from fairlead.geometry.distance import model_error
 from fairlead.geometry.fields import BoxEnvironment
+from fairlead.learning.checkpoint import read_snapshot
 from fairlead.learning.dynamics import DynamicsConfig, Ensemble, LearnedDynamics, train_dynamics
 from fairlead.learning.fit import CHECKPOINT, Stage, fit
 from fairlead.learning.model_files import Job
@@ -128,6 +129,22 @@ def test_resumed_training_gives_the_same_weights(tmp_path: Path, stop_at: int) -
     resumed, earlier_s = weights_after(tmp_path / "stopped", None)
     assert nothing == 0 < earlier_s
     assert all(torch.equal(straight[name], resumed[name]) for name in straight)
+
+
+def test_an_interrupt_keeps_what_epochs_have_done_however_short_the_time(tmp_path: Path) -> None:
+    module = Ensemble(LAYOUT, SMALL, 0)
+    task = RolloutTask(module, lambda s, a, *_: module(s, a), LearnedDynamics(module), DATA, SMALL.members)
+    scores = iter([1.0, 0.9])
+
+    def score() -> float:
+        if (value := next(scores, None)) is None:
+            raise KeyboardInterrupt
+        return value
+
+    task.score = score
+    with pytest.raises(KeyboardInterrupt):
+        fit(task, (Stage(4, 64),), 3, tmp_path, checkpoint_s=1e9)
+    assert len(read_snapshot(tmp_path / CHECKPOINT, "").scalars["history"]) == 2
 
 
 @pytest.mark.parametrize("network", NETWORKS)

@@ -183,6 +183,16 @@ class SinglePrecision(Dynamics):
         return Prediction(mean + np.float32(1e-5) * np.sign(mean), np.zeros(len(mean)))
 
 
+@pytest.mark.parametrize("trust", [np.ones((3, 1)), np.full(3, 90.0), None])
+def test_what_is_no_probability_is_named(trust):
+    check = Scripted()
+    check.probability = lambda *asked: trust
+    task = Problem(arena(), tail_goal(0.5, 0.1), FreeChain(), check, SAMPLER)
+    starts = np.stack([START] * 3)
+    with pytest.raises(FairleadError, match=r"Scripted: .*probability"):
+        task.attempt(starts, SAMPLER.propose(starts, stream(0)), np.zeros((3, 1)))
+
+
 def test_what_is_sent_to_the_bounds_is_not_lost_by_rounding():
     task = Problem(arena(), tail_goal(0.5, 0.1), SinglePrecision(), AcceptAll(), SAMPLER)
     starts = np.stack([straight(0.9, 0.0)] * 200)

@@ -104,6 +104,24 @@ def test_a_missing_key_is_named_with_what_is_there(tmp_path: Path) -> None:
         _read(tmp_path, value)
 
 
+@pytest.mark.parametrize(
+    ("path", "known"),
+    [
+        (("scenes", 0), "goal, grippers, name, obstacles, rope"),
+        (("scenes", 0, "goal"), "kind, position, radius, target"),
+        (("scenes", 0, "grippers"), "gripper"),
+        (("scenes", 0, "obstacles", 2, "boxes", 0), "position, quaternion_xyzw, size"),
+    ],
+)
+def test_a_key_that_means_nothing_is_named_with_the_known_ones(
+    tmp_path: Path, path: tuple[Any, ...], known: str
+) -> None:
+    value = copy.deepcopy(VALID)
+    _at(value, path)["raduis"] = 0.01
+    with pytest.raises(FileFormatError, match=f"unknown key 'raduis'.*allowed: {known}$"):
+        _read(tmp_path, value)
+
+
 @pytest.mark.parametrize("kind", list(KINDS))
 def test_hard_scenes_are_valid_and_depend_on_their_seed_alone(kind: str) -> None:
     first, second = (hard_scene(DRAGGING, kind, stream(5, kind), "hard") for _ in range(2))

@@ -94,5 +94,5 @@ class Command:
             show({"out": str(self.out), **summary}, True)
             return
         found = {name: summary["methods"][name] for name in summary["order"]}
-        rates = {name: f"{100 * of['success']['value']:.0f} % of {of['trials']} trials" for name, of in found.items()}
+        rates = {name: f"{100 * of['success']['value']:.0f} % ({of['trials']} trials)" for name, of in found.items()}
         show({**rates, "reference": summary["reference"], "out": self.out}, False)

@@ -19,6 +19,9 @@ class Command:
     """Folder of the trained models."""
     out: Path
     """Folder of the packed ones; must be new."""
+    scenes: Path | None = None
+    """Scene file, where models are compared with themselves in half precision; by default the benchmark scenes that
+    come with Fairlead."""
     json: bool = False
     """Print one JSON object."""
 
@@ -26,7 +29,7 @@ class Command:
         """Pack, and print what became of each model."""
         from fairlead.reproduce.pack import pack
 
-        packed = pack(self.models, self.out)
+        packed = pack(self.models, self.out, self.scenes)
         total = sum(of.bytes for of in packed.values()) / 1e6
         rows = {
             name: {"weights": "half" if of.halved else "single", "difference": f"{of.difference:.1e}"}

@@ -35,7 +35,7 @@ class Command:
 
     def run(self) -> None:
         """Draw or choose, write, and print where."""
-        from fairlead.core.errors import FairleadError
+        from fairlead.core.errors import ArtifactError, FairleadError
         from fairlead.evaluation.solved import solved_scenes
         from fairlead.scenarios.generate import generate
         from fairlead.scenarios.registry import scenario
@@ -46,6 +46,8 @@ class Command:
         if self.scenes is not None and (self.hard or self.seed is not None):
             raise FairleadError("--hard and --seed mean nothing with --scenes: those scenes are drawn already")
         world = scenario(self.scenario)
+        if self.out.exists():
+            raise ArtifactError(self.out, "is there already; remove it, or choose another file")
         kind = "hard" if self.hard else "random"
         if self.scenes is not None:
             scenes, source = solved_scenes(world, self.scenes, self.solved_by, self.count)

@@ -37,6 +37,8 @@ def config_hash(config: Mapping[str, Any]) -> str:
 
 def write_atomic(path: Path, content: bytes | str) -> None:
     """Write a file so that a reader sees the old content or the new one, never a part: temporary, sync, rename."""
+    if path.is_dir():
+        raise ArtifactError(path, "is a folder; the name of a file is needed")
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.tmp")
     with temporary.open("wb") as file:

@@ -1,18 +1,27 @@
 """Parts found by name: Fairlead's own, then those that other installed distributions offer.
 
-A distribution offers a part by an entry point, in the group `fairlead.scenarios`, `fairlead.checks` or
-`fairlead.planners`; nothing in Fairlead has to change for it.
+A distribution offers a part by an entry point in one of these `GROUPS`; nothing in Fairlead has to change for it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
+from fairlead.core.artifacts import sha256
 from fairlead.core.errors import FairleadError, UnknownNameError
 
-GROUPS = {"scenario": "fairlead.scenarios", "check": "fairlead.checks", "planner": "fairlead.planners"}
+GROUPS = {
+    "scenario": "fairlead.scenarios",
+    "dynamics": "fairlead.dynamics",
+    "check": "fairlead.checks",
+    "recovery": "fairlead.recoveries",
+    "method": "fairlead.methods",
+    "planner": "fairlead.planners",
+}
 """The kinds of parts that can be added from outside, and the entry-point group of each."""
 
 
@@ -39,5 +48,17 @@ def find(kind: str, name: str, own: Mapping[str, Any]) -> Any:
         raise UnknownNameError(kind, name, names(kind, own))
     try:
         return point.load()
-    except (ImportError, AttributeError) as error:
-        raise FairleadError(f"{kind} '{name}' ({point.value}) cannot be loaded: {error}") from error
+    except Exception as error:  # whatever its module does when it is imported
+        problem = f"{type(error).__name__}: {error}"
+        raise FairleadError(f"{kind} '{name}' ({point.value}) cannot be loaded: {problem}") from error
+
+
+def fingerprint(kind: str, name: str, own: Mapping[str, Any]) -> str | None:
+    """SHA-256 of the file that offers a part, None for our own: what was made with another version is of another kind.
+
+    Of that file alone: what it imports is not looked at.
+    """
+    if name in own or (point := _offered(kind).get(name)) is None:
+        return None
+    found = find_spec(point.module)
+    return sha256(Path(found.origin)) if found and found.origin else point.value

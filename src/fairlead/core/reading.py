@@ -8,7 +8,7 @@ from typing import Any, cast, final
 
 import numpy as np
 
-from fairlead.core.errors import FileFormatError
+from fairlead.core.errors import FileFormatError, UnknownNameError
 
 Vector = tuple[float, ...]
 _JSON_NAMES = {dict: "an object", list: "a list", str: "a string"}
@@ -41,6 +41,15 @@ class Reader:
         if not isinstance(found, kind):
             raise self.fail(key, f"{_JSON_NAMES[kind]} is needed, got {type(found).__name__}")
         return found
+
+    def only(self, *allowed: str) -> Reader:
+        """This object, which has no other fields than these."""
+        found: object = self.value
+        keys = cast(dict[str, Any], found) if isinstance(found, dict) else ()
+        for key in keys:
+            if key not in allowed:
+                raise self.fail("", str(UnknownNameError("key", key, allowed)))
+        return self
 
     def child(self, key: str, value: Any) -> Reader:
         """A value below this one."""

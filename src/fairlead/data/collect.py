@@ -29,6 +29,7 @@ from fairlead.data.recording import Recording
 from fairlead.data.shards import Shard, split_of
 from fairlead.data.store import Obstacles
 from fairlead.data.windows import Answer, Part, Recorder, Window, serve
+from fairlead.scenarios.registry import scenario_fingerprint
 from fairlead.scenarios.scenario import Scenario
 
 GROUP = 32
@@ -66,9 +67,11 @@ class CollectConfig:
 
     def resolved(self, scenario: Scenario) -> dict[str, Any]:
         """Every value that the data depend on."""
+        version = scenario_fingerprint(scenario.name)
         return {
             **asdict(self),
             "scenario": scenario.name,
+            **({} if version is None else {"scenario_sha256": version}),
             "grippers": list(scenario.layout.grippers),
             "points": scenario.layout.points,
             "lanes": min(self.lanes, self.trajectories),

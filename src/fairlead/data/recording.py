@@ -101,7 +101,7 @@ class Recording:
         self._save()
 
     def finish(self) -> Manifest:
-        """Write the manifest, last of all files, and return it."""
+        """Write the manifest, last of all files, and return it; ArtifactError where every trajectory diverged."""
         names = [shard_name(i) for i in range(len(self))]
         files = {name: entry["sha256"] for name, entry in zip(names, self._done, strict=True)}
         files[SCENES] = sha256(self.folder / SCENES)
@@ -109,6 +109,8 @@ class Recording:
         wall_s = total.pop("wall_s")
         manifest = Manifest(KIND, self.config, self.config["seed"], files, {}, {}, wall_s)
         facts = summary(shard for _, shard in shards_of(self.folder, manifest))
+        if not facts["trajectories"]:
+            raise ArtifactError(self.folder, f"all {total['diverged']} trajectories diverged: nothing to learn from")
         manifest.extra.update(facts, **total, scenes=len(self.scenes))
         manifest.write(self.folder)
         (self.folder / PROGRESS).unlink()

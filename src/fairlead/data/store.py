@@ -51,6 +51,13 @@ def dataset_layout(manifest: Manifest) -> StateLayout:
     return StateLayout(tuple(manifest.config["grippers"]), manifest.config["points"])
 
 
+def require_layout(folder: Path, manifest: Manifest, scenario: Scenario) -> None:
+    """ArtifactError where a dataset's states are not those of the scenario as it is now."""
+    if (found := dataset_layout(manifest)) != scenario.layout:
+        now = f"those of '{scenario.name}' are {scenario.layout}"
+        raise ArtifactError(folder, f"its states are {found}, {now}; collect again")
+
+
 def shards_of(folder: Path, manifest: Manifest) -> Iterator[tuple[Path, Shard]]:
     """Read the shards in order."""
     layout = dataset_layout(manifest)
@@ -71,6 +78,7 @@ def load(folder: Path, scenario: Scenario, first: int | None = None) -> dict[str
     verify_files(folder, manifest)
     if (found := manifest.config["scenario"]) != scenario.name:
         raise ArtifactError(folder, f"a dataset of scenario '{found}'; one of '{scenario.name}' is needed here")
+    require_layout(folder, manifest, scenario)
     recorded = manifest.config["trajectories"]
     stop = recorded if first is None else first
     if not 0 < stop <= recorded:

@@ -10,7 +10,7 @@ import numpy as np
 from fairlead.core.artifacts import read_json, read_manifest, verify_files
 from fairlead.core.errors import ArtifactError
 from fairlead.data.shards import Shard
-from fairlead.data.store import KIND, SCENES, scenes_from_json, shards_of, summary
+from fairlead.data.store import KIND, SCENES, require_layout, scenes_from_json, shards_of, summary
 from fairlead.scenarios.registry import scenario as find_scenario
 from fairlead.scenarios.scenario import Scenario
 
@@ -37,6 +37,7 @@ def verify(folder: Path) -> dict[str, Any]:
     manifest = read_manifest(folder, KIND)
     verify_files(folder, manifest)
     scenario = find_scenario(manifest.config["scenario"])
+    require_layout(folder, manifest, scenario)
     scenes = scenes_from_json(folder / SCENES, read_json(folder / SCENES))
     shards = []
     for path, shard in shards_of(folder, manifest):

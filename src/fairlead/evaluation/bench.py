@@ -9,6 +9,7 @@ from typing import Any, final
 
 import numpy as np
 
+from fairlead.core.answers import expect_kind
 from fairlead.core.budget import Budget
 from fairlead.core.errors import FairleadError
 from fairlead.core.roles import World
@@ -19,7 +20,7 @@ from fairlead.evaluation.planners import find_planner
 from fairlead.execution.trace import NoTrace, Recorder, TraceFolder
 from fairlead.execution.trial import Protocol, Task, run_trial
 from fairlead.planning.memory import CutShort
-from fairlead.planning.problem import PAPER, Problem
+from fairlead.planning.problem import PAPER, Planner, Problem
 from fairlead.scenarios.other_world import Differences, other_world, with_arms_of
 from fairlead.scenarios.registry import scenario as find_scenario
 from fairlead.scenarios.scene_files import Scene
@@ -117,7 +118,9 @@ class Bench:
         environment, goal = scenario.environment(scene.obstacles), scene.goal
         problem = Problem(environment, goal, dynamics, check, self.models.sampler)
 
-        plan = partial(self._planner(PAPER.scaled(method.budget_scale)).plan, problem)
+        planner = self._planner(PAPER.scaled(method.budget_scale))
+        expect_kind(f"planner '{self.config.planner}'", planner, Planner)
+        plan = partial(planner.plan, problem)
         names = {
             "scenario": scenario.name,
             "scenes": self.scenes.name,

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TypeVar, final
+from typing import Any, TypeVar, final
 
 from fairlead.core import plugins
+from fairlead.core.answers import expect_kind
 from fairlead.core.artifacts import MANIFEST
 from fairlead.core.errors import ArtifactError, UnknownNameError
 from fairlead.core.roles import Dynamics, RecoveryPolicy, TransitionCheck
@@ -26,7 +27,8 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Method:
-    """One row. The names are keys of `DYNAMICS` (or "simulator"), `CHECKS` and `RECOVERIES` (or "planned", "doubted").
+    """One row. The names are keys of `DYNAMICS` (or "simulator"), `CHECKS` and `RECOVERIES` (or "planned", "doubted"),
+    or those of installed ones.
 
     budget_scale multiplies the budget; only the oracle, a bound and not a rival, has more than the others.
     """
@@ -80,7 +82,7 @@ DYNAMICS: dict[str, Callable[[Models], Dynamics]] = {
     "learned": lambda models: _learned(models),
     "full": lambda models: load_full_dynamics(models.folder_of("full-dynamics"), models.scenario.kin),
 }
-"""Besides "simulator", which is built anew for each scene."""
+"""Besides "simulator", which is built anew for each scene. Others come by entry points in `fairlead.dynamics`."""
 
 
 def _learned(models: Models) -> Dynamics:
@@ -118,6 +120,15 @@ RECOVERIES: dict[str, Callable[[Models], RecoveryPolicy]] = {
     "learned-sdf": lambda models: _recovery(models, "recovery-sdf", models.remember),
     "learned-sdf, undoubted": lambda models: _recovery(models, "recovery-sdf", doubt=False),
 }
+"""Others come by entry points in `fairlead.recoveries`."""
+
+
+PARTS: dict[str, tuple[dict[str, Any], type]] = {
+    "dynamics": (DYNAMICS, Dynamics),
+    "check": (CHECKS, TransitionCheck),
+    "recovery": (RECOVERIES, RecoveryPolicy),
+}
+"""What a method is made of: the table and the role of each kind of part."""
 
 
 def _trust(models: Models, name: str) -> TransitionCheck:
@@ -135,18 +146,22 @@ def find_method(name: str) -> Method:
     """The row of that name; the name of an installed check is the learned dynamics with that check, no recovery.
 
     Raises:
-        UnknownNameError: neither a row nor an installed check.
+        UnknownNameError: neither a row nor an installed method or check.
+        FairleadError: what is installed is no `Method`.
     """
-    if name in METHODS:
-        return METHODS[name]
+    if name in plugins.names("method", METHODS):
+        found: Method = plugins.find("method", name, METHODS)
+        expect_kind(f"method '{name}'", found, Method)
+        return found
     if name in method_names():
         return Method("learned", name, "none", f"The learned dynamics, checked by {name}.")
     raise UnknownNameError("method", name, method_names())
 
 
 def method_names() -> list[str]:
-    """The rows of the table, then the installed checks."""
-    return [*METHODS, *(check for check in plugins.names("check", {}) if check not in {*METHODS, *CHECKS})]
+    """The rows of the table, then the installed methods and checks."""
+    installed = (*plugins.names("method", {}), *plugins.names("check", {}))
+    return [*METHODS, *dict.fromkeys(name for name in installed if name not in {*METHODS, *CHECKS})]
 
 
 def in_order(names: Iterable[str]) -> list[str]:
@@ -175,7 +190,7 @@ class Parts:
         if method.dynamics == "simulator":
             dynamics: Dynamics = SimulatorDynamics(models.scenario, scene.obstacles)
         else:
-            dynamics = _once(self._dynamics, method.dynamics, lambda: DYNAMICS[method.dynamics](models))
+            dynamics = _once(self._dynamics, method.dynamics, lambda: self._made("dynamics", method.dynamics))
         if method.recovery in ("planned", "doubted"):
             environment = models.scenario.environment(scene.obstacles)
             problem = Problem(environment, scene.goal, dynamics, self._check("collision"), models.sampler)
@@ -187,10 +202,19 @@ class Parts:
         return dynamics, self._check(method.check), recovery
 
     def _recovery(self, name: str) -> RecoveryPolicy:
-        return _once(self._recoveries, name, lambda: RECOVERIES[name](self._models))
+        return _once(self._recoveries, name, lambda: self._made("recovery", name))
 
     def _check(self, name: str) -> TransitionCheck:
-        return _once(self._checks, name, lambda: plugins.find("check", name, CHECKS)(self._models))
+        return _once(self._checks, name, lambda: self._made("check", name))
+
+    def _made(self, kind: str, name: str) -> Any:
+        """A part of that kind; with which version of an installed one it was made is kept beside the models' hashes."""
+        table, role = PARTS[kind]
+        made = plugins.find(kind, name, table)(self._models)
+        expect_kind(f"{kind} '{name}'", made, role)
+        if digest := plugins.fingerprint(kind, name, table):
+            self._models.hashes[f"{kind} {name}"] = digest
+        return made
 
 
 def _once(kept: dict[str, T], name: str, make: Callable[[], T]) -> T:

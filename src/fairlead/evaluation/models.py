@@ -49,7 +49,11 @@ class Models:
         if not (folder / MANIFEST).exists():
             there = ", ".join(sorted(path.parent.name for path in self.folder.glob(f"*/{MANIFEST}"))) or "none"
             raise ArtifactError(folder, f"no finished model; here are: {there}; train it, or choose another --models")
-        made_from = read_manifest(folder, "model").inputs
+        manifest, layout = read_manifest(folder, "model"), self.scenario.layout
+        made_from, states = manifest.inputs, manifest.config["layout"]
+        if states != {"grippers": list(layout.grippers), "points": layout.points}:
+            now = f"those of '{self.scenario.name}' are {layout}"
+            raise ArtifactError(folder, f"its states are {states}, {now}; train it again")
         for kind, model in (("dynamics", "dynamics"), ("trust", name.replace("recovery", "trust"))):
             if kind in made_from and made_from[kind] not in _names_of(self.folder_of(model)):
                 raise ArtifactError(folder, f"trained with another '{model}' than the one beside it; train it again")

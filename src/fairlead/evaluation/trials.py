@@ -20,6 +20,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any, final
 
+from fairlead.core import plugins
 from fairlead.core.artifacts import (
     MANIFEST,
     Manifest,
@@ -38,8 +39,10 @@ from fairlead.core.cores import cores, machine
 from fairlead.core.errors import ArtifactError, UnknownNameError
 from fairlead.evaluation.bench import Bench, Job, Row, TrialsConfig
 from fairlead.evaluation.methods import in_order
+from fairlead.evaluation.planners import PLANNERS
 from fairlead.evaluation.summary import summarise
 from fairlead.evaluation.workers import run_jobs
+from fairlead.scenarios.registry import scenario_fingerprint
 from fairlead.scenarios.scene_files import write_scenes
 
 TRIALS, SUMMARY, SCENES, CONFIG = "trials.jsonl", "summary.json", "scenes.json", "config.json"
@@ -119,7 +122,12 @@ def identity(bench: Bench) -> dict[str, Any]:
     Of the models those that the methods use: runs with other methods may share the folder, and add theirs.
     """
     config = bench.config
+    installed = {
+        "scenario_sha256": scenario_fingerprint(config.scenario),
+        "planner_sha256": plugins.fingerprint("planner", config.planner, PLANNERS),
+    }
     return {
+        **{key: digest for key, digest in installed.items() if digest},
         "scenario": config.scenario,
         "scenes": config.scenes.stem,
         "scenes_sha256": sha256(config.scenes),
@@ -153,7 +161,8 @@ def _merged(out: Path, wanted: dict[str, Any], reference: str | None) -> dict[st
     before, now = (_flat(config) for config in (found, wanted))
     for key, value in now.items():
         if key in before and before[key] != value:
-            was, now_is = (text[:12] if key.startswith("model ") else text for text in (str(before[key]), str(value)))
+            digest = key.endswith("_sha256") or key not in found
+            was, now_is = (text[:12] if digest else text for text in (str(before[key]), str(value)))
             raise ArtifactError(path, f"these trials had another {key} ({was}, now {now_is}); choose another --out")
     merged = {**found, **wanted, "models": {**found["models"], **wanted["models"]}}
     if reference is not None:
@@ -162,8 +171,8 @@ def _merged(out: Path, wanted: dict[str, Any], reference: str | None) -> dict[st
 
 
 def _flat(config: dict[str, Any]) -> dict[str, Any]:
-    """Settings by their names, models as `model NAME`."""
-    models = {f"model {name}": value for name, value in config["models"].items()}
+    """Settings by their names, models as `model NAME`, installed parts by their kinds and names."""
+    models = {name if " " in name else f"model {name}": value for name, value in config["models"].items()}
     return {**{key: value for key, value in config.items() if key != "models"}, **models}
 
 

@@ -15,7 +15,9 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Float
 
+from fairlead.core.answers import expect, expect_finite, expect_kind
 from fairlead.core.budget import Budget, Clock, Meter
+from fairlead.core.errors import FairleadError
 from fairlead.core.records import ActionOutcome, Explained, Plan, PlanOutcome, TrialOutcome
 from fairlead.core.roles import Environment, Goal, RecoveryPolicy, World
 from fairlead.core.streams import stream
@@ -94,6 +96,7 @@ def run_trial(
     is the same bit for bit whenever the world, the planner and the recovery are.
 
     Raises:
+        FairleadError: the planner's or the world's answer has another shape than the role says, or is not finite.
         KeyboardInterrupt: passed on, after the trace has been ended as interrupted.
     """
     counted = math.isfinite(budget.extensions)
@@ -156,6 +159,8 @@ class _Trial:
             plan = self._task.plan(self._state, meter, stream(self._seed, "plan", index))
         finally:
             meter.stop_planning()
+        expect_kind("what the planner answered", plan, Plan)
+        self._look_at(plan)
         if not plan.extensions:
             # A planner that checks nothing must spend something, or a counted budget would never end.
             meter.charge_extensions(1)
@@ -165,6 +170,13 @@ class _Trial:
             "extensions": plan.extensions, "nodes": plan.nodes, "invalid": plan.invalid, "at_s": meter.spent_s,
         }, plan)  # fmt: skip
         return plan
+
+    def _look_at(self, plan: Plan) -> None:
+        """FairleadError where a planner's answer is no plan that can be followed."""
+        steps, layout = len(plan.actions), self._world.layout
+        expect_finite(plan, "the actions", plan.actions, (steps, layout.action_size))
+        expect_finite(plan, "the states", plan.states, (steps + 1, layout.state_size))
+        expect(plan, "the trust", plan.trust, (steps,))
 
     def _follow(self, plan: Plan) -> None:
         """Execute a whole plan, or as much of it as the time allows."""
@@ -196,6 +208,10 @@ class _Trial:
 
     def _execute(self, action: Float[np.ndarray, " action"], recovery: bool) -> None:
         executed = self._world.execute(action[None])
+        expect_finite(self._world, "an executed state", executed.states, (1, len(self._state)))
+        expect_finite(self._world, "the seconds of an action", executed.seconds, (1,))
+        if executed.seconds[0] < 0:
+            raise FairleadError(f"{type(self._world).__name__}: an action took {executed.seconds[0]:.4g} s")
         seconds, self._diverged = float(executed.seconds[0]), bool(executed.diverged[0])
         end = tuple(ActionOutcome)[int(executed.outcomes[0])].label
         before, self._state = self._state, executed.states[0]

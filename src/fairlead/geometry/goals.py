@@ -57,7 +57,9 @@ class PointsGoal(SceneGoal):
 
     @classmethod
     def read(cls, layout: StateLayout, reader: Reader) -> SceneGoal:
-        each = reader.some("places") if reader.value.get("kind") == "points" else [reader]
+        several = reader.value.get("kind") == "points"
+        reader.only("kind", "radius", *(("places",) if several else ("target", "position")))
+        each = [place.only("target", "position") for place in reader.some("places")] if several else [reader]
         places: dict[int, tuple[str | int, Vector]] = {}
         for place in each:
             target = place.get("target", object)
@@ -125,7 +127,7 @@ class BoxGoal(SceneGoal):
 
     @classmethod
     def read(cls, layout: StateLayout, reader: Reader) -> SceneGoal:
-        return cls(layout, Box.read(reader.object("box")))
+        return cls(layout, Box.read(reader.only("kind", "box").object("box")))
 
     def written(self) -> dict[str, Any]:
         return {"kind": self.kind, "box": asdict(self.box)}
@@ -184,7 +186,7 @@ class CombinedGoal(SceneGoal):
 
     @classmethod
     def read(cls, layout: StateLayout, reader: Reader) -> SceneGoal:
-        return cls(tuple(read_goal(layout, part) for part in reader.some("goals")))
+        return cls(tuple(read_goal(layout, part) for part in reader.only("kind", "goals").some("goals")))
 
     def written(self) -> dict[str, Any]:
         return {"kind": self.kind, "goals": [goal.written() for goal in self.goals]}

@@ -34,7 +34,8 @@ class Box:
     @classmethod
     def read(cls, reader: Reader) -> Box:
         """A box as a file writes it; FileFormatError names a wrong field."""
-        fields = {key: reader.vector(key, n) for key, n in (("size", 3), ("position", 3), ("quaternion_xyzw", 4))}
+        lengths = {"size": 3, "position": 3, "quaternion_xyzw": 4}
+        fields = {key: reader.only(*lengths).vector(key, length) for key, length in lengths.items()}
         try:
             return cls(**fields)
         except ValueError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import csv
 import io
 import math
@@ -100,10 +101,11 @@ def fit(
 ) -> float:
     """Fit `task.module`, and leave the weights with the best validation score in it.
 
-    A checkpoint in `folder` is written at the end of an epoch, every `checkpoint_s` seconds at most; if one with the
-    same `key` is there, training goes on from it to exactly the same weights (on a CPU, with as many threads).
-    The curves, one row an epoch, are written as `curves.csv` and `curves.png`. Returns how long epochs took that were
-    done already [s].
+    A checkpoint in `folder` is written at the end of an epoch, every `checkpoint_s` seconds at most, and when training
+    is interrupted; if one with the same `key` is there, training goes on from it to exactly the same weights (on a CPU,
+    with as many threads). The curves, one row an epoch, are written as `curves.csv` and `curves.png`.
+
+    Returns how long epochs took that were done already [s].
 
     Raises:
         ArtifactError: the checkpoint belongs to another `key`.
@@ -121,8 +123,13 @@ def fit(
         bar = progress.add_task(title, total=sum(stage.epochs for stage in stages), completed=len(state.history))
         while state.stage < len(stages):
             stage = stages[state.stage]
-            row = _epoch(task, stage, state, optimiser, stream(seed, "fit", state.stage, state.epoch))
-            row["score"] = task.score()
+            before = copy.deepcopy(Snapshot.take(task.module, optimiser, best, vars(state)))
+            try:
+                row = _epoch(task, stage, state, optimiser, stream(seed, "fit", state.stage, state.epoch))
+                row["score"] = task.score()
+            except KeyboardInterrupt:
+                write_snapshot(path, key, before)
+                raise
             if not math.isfinite(row["score"]):
                 raise FairleadError(f"the score became {row['score']} in stage {state.stage + 1}: lower its rate "
                                     f"(now {stage.rate:g})")  # fmt: skip

@@ -10,6 +10,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float
 
+from fairlead.core.answers import expect
 from fairlead.core.budget import Meter
 from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
@@ -57,12 +58,17 @@ class Problem:
         """
         prediction = self.dynamics.predict(self.environment, states, actions)
         mean, spread = prediction.mean, prediction.spread
+        expect(self.dynamics, "the predicted mean", mean, states.shape)
+        expect(self.dynamics, "the predicted spread", spread, (len(states),))
         finite = np.isfinite(mean).all(axis=1) & np.isfinite(spread)
         if not finite.all():
             mean = np.where(finite[:, None], mean, states)
         next_encodings = self.check.encode(self.environment, mean)
         transitions = Transitions(states, actions, mean, spread)
         trust = self.check.probability(self.environment, transitions, encodings, next_encodings)
+        expect(self.check, "the probability", trust, (len(states),))
+        if np.any(trust > 1):
+            raise FairleadError(f"{type(self.check).__name__}: a probability of {np.nanmax(trust):.4g}, above 1")
         accepted = finite & self.environment.contains(mean) & (trust > self.threshold)
         return Tried(mean, next_encodings, trust, accepted, int((~finite | np.isnan(trust)).sum()))
 

@@ -21,11 +21,13 @@ from fairlead.scenarios.registry import scenario as find_scenario
 from fairlead.scenarios.scenario import Scenario
 
 SCENES, ACTIONS, STEPS = 10, 32, 2
-"""Models are compared with themselves in half precision on random actions from the starts of benchmark scenes."""
+"""Models are compared with themselves in half precision on random actions from the starts of so many scenes."""
 
 
-def pack(folder: Path, out: Path) -> dict[str, Packed]:
+def pack(folder: Path, out: Path, scenes: Path | None = None) -> dict[str, Packed]:
     """Pack every finished model in `folder` into a new folder `out`; what became of each, by its name.
+
+    They are compared in `scenes`, a scene file, or in the benchmark scenes that come with the package.
 
     Raises:
         ArtifactError: `out` exists, no models are there, or one was trained on dynamics other than those beside it.
@@ -37,7 +39,7 @@ def pack(folder: Path, out: Path) -> dict[str, Packed]:
         raise ArtifactError(folder, "no finished models here (folders with a manifest.json)")
     scenario = find_scenario(read_manifest(folder / names[0], "model").config["scenario"])
     models = Models(folder, scenario)
-    probes = _probes(scenario, models)
+    probes = _probes(scenario, models, scenes or benchmark_scenes(scenario.name))
     staging = out.with_name(f".{out.name}.tmp")
     shutil.rmtree(staging, ignore_errors=True)
     packed = {
@@ -49,11 +51,11 @@ def pack(folder: Path, out: Path) -> dict[str, Packed]:
     return packed
 
 
-def _probes(scenario: Scenario, models: Models) -> list[Probe]:
+def _probes(scenario: Scenario, models: Models, scenes: Path) -> list[Probe]:
     """What the dynamics predict of a few random actions in a row, scene by scene."""
     dynamics, rng = load_dynamics(models.folder_of("dynamics"), scenario.name), stream(0, "pack", scenario.name)
     probes = []
-    for scene in scenario.scenes(benchmark_scenes(scenario.name)).scenes[:SCENES]:
+    for scene in scenario.scenes(scenes).scenes[:SCENES]:
         environment = scenario.environment(scene.obstacles)
         states = np.repeat(scene.state(scenario.layout)[None], ACTIONS, axis=0)
         for _ in range(STEPS):

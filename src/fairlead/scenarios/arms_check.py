@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float
 
+from fairlead.core.answers import expect
 from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import ActionOutcome, Transitions
@@ -55,6 +56,7 @@ class ArmsCheck(TransitionCheck):
         next_encodings: Float[np.ndarray, "batch feature"],
     ) -> Float[np.ndarray, " batch"]:
         chance = np.array(self.inner.probability(environment, transitions, encodings, next_encodings))
+        expect(self.inner, "the probability", chance, (len(transitions),))
         accepted = np.nonzero(chance > LEAST_TRUST)[0]
         states, actions = transitions.states[accepted], transitions.actions[accepted]
         chance[accepted[_stopped(self.arms, self.layout, environment, states, actions)]] = 0.0

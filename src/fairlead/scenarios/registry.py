@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 from fairlead.core import plugins
+from fairlead.core.answers import expect_kind
+from fairlead.core.errors import FairleadError
 from fairlead.scenarios.dragging import Dragging
 from fairlead.scenarios.dual_arm import DualArm
 from fairlead.scenarios.fetch_cable import FETCH_CABLE
@@ -23,5 +26,19 @@ SCENARIOS: dict[str, Callable[[], Scenario]] = {
 
 
 def scenario(name: str) -> Scenario:
-    """The scenario of that name; UnknownNameError otherwise."""
-    return plugins.find("scenario", name, SCENARIOS)()
+    """The scenario of that name; UnknownNameError otherwise.
+
+    Raises:
+        FairleadError: what is installed under that name is no scenario, or calls itself otherwise.
+    """
+    build = plugins.find("scenario", name, SCENARIOS)
+    found: Any = build() if callable(build) else build
+    expect_kind(f"scenario '{name}'", found, Scenario)
+    if found.name != name:
+        raise FairleadError(f"scenario '{name}' calls itself '{found.name}': its name must be that of its entry point")
+    return found
+
+
+def scenario_fingerprint(name: str) -> str | None:
+    """As `plugins.fingerprint`."""
+    return plugins.fingerprint("scenario", name, SCENARIOS)

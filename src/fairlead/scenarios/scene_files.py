@@ -68,12 +68,13 @@ class SceneSet:
 
 
 def _read_obstacle(reader: Reader) -> Obstacle:
-    name = reader.get("name", str)
+    name = reader.only("name", "boxes").get("name", str)
     return Obstacle(name, tuple(Box.read(box) for box in reader.some("boxes")))
 
 
 def _read_scene(reader: Reader, layout: StateLayout) -> Scene:
-    grippers = reader.object("grippers")
+    reader.only("name", "obstacles", "grippers", "rope", "goal")
+    grippers = reader.object("grippers").only(*layout.grippers)
     rope = reader.get("rope", list)
     if len(rope) != layout.points:
         raise reader.fail("rope", f"{layout.points} points are needed, got {len(rope)}")

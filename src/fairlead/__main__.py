@@ -1,0 +1,5 @@
+"""`python -m fairlead COMMAND ...`."""
+
+from fairlead.cli.main import main
+
+main()
