@@ -23,6 +23,7 @@ from fairlead.scenarios.scene_files import write_scenes
 DRAGGING = Dragging()
 VALID: dict[str, Any] = json.loads(benchmark_scenes("dragging").read_text())
 VALID["scenes"] = VALID["scenes"][:1]
+INSIDE = [*VALID["scenes"][0]["obstacles"][0]["boxes"][0]["position"][:2], 0.02]
 
 
 def _paths(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
@@ -74,7 +75,8 @@ def test_any_damaged_field_is_named_or_harmless(path: tuple[Any, ...], junk: Any
     [
         (("scenes", 0, "obstacles", 2, "boxes", 0, "size"), [0.25, -0.25, 0.25], r"boxes\[0\]\.size.*positive"),
         (("scenes", 0, "rope", 3, 1), float("nan"), r"scenes\[0\]\.rope\[3\].*finite"),
-        (("scenes", 0, "goal", "position"), [0.99, 0.0, 0.02], "goal.position lies inside"),
+        (("scenes", 0, "goal", "position"), INSIDE, "goal.position lies inside"),
+        (("scenes", 0, "goal", "position"), [0.99, 0.0, 0.02], r"goal.position lies outside the bounds, \[-0.95, "),
         (("scenes", 0, "goal", "target"), "tial", r"goal\.target: unknown point 'tial' .did you mean 'tail'"),
         (("scenes", 0, "goal", "radius"), "wide", "goal.radius.*finite number"),
         (("scenes", 0, "grippers"), [], "grippers: an object is needed, got list"),

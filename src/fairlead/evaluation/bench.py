@@ -27,6 +27,9 @@ from fairlead.scenarios.scene_files import Scene
 
 Row = dict[str, Any]
 
+START_RESIDUAL_M = 0.1
+"""A start whose rope settles farther away than this [m] is not the scene's."""
+
 
 @dataclass(frozen=True)
 class TrialsConfig:
@@ -130,8 +133,11 @@ class Bench:
         }
         budget = scaled(self.config.budget, method.budget_scale)
         world, residual = self._world(scene, job.seed)
-        if not np.isfinite(residual):
-            raise FairleadError(f"scene '{scene.name}': the simulation diverges where the rope is laid at its points")
+        if not residual <= START_RESIDUAL_M:  # nor NaN
+            raise FairleadError(
+                f"scene '{scene.name}': the rope comes to rest {residual:.3f} m from where it is laid, more than "
+                f"{START_RESIDUAL_M}: are its points a link apart, and the grippers at its ends?"
+            )
         seed = stream_seed(job.seed, "trial", scenario.name, scene.name)
         self._tried.forget()
         task = Task(environment, goal, plan, recovery, self._tried.add)

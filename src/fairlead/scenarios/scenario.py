@@ -117,6 +117,7 @@ class Scenario(ABC):
         scenes = read_scenes(path, self.name, self.layout)
         for i, scene in enumerate(scenes.scenes):
             try:
+                require_places_within(scene, self.environment(scene.obstacles).bounds)
                 self.validate(scene)
             except FairleadError as error:
                 raise FileFormatError(path, f"scenes[{i}]", str(error)) from None
@@ -137,6 +138,15 @@ class Scenario(ABC):
             self.colours,
             shadows,
         )
+
+
+def require_places_within(scene: Scene, bounds: Float[np.ndarray, "2 3"]) -> None:
+    """Raise FairleadError where the goal has a place outside the region where states may lie."""
+    low, high = bounds
+    for mark in marks(scene.goal.written()):
+        if "size" not in mark and not ((low <= mark["position"]) & (mark["position"] <= high)).all():
+            within = f"{low.round(4).tolist()} to {high.round(4).tolist()}"
+            raise FairleadError(f"scene '{scene.name}': {mark['where']}.position lies outside the bounds, {within}")
 
 
 def require_free_places(scene: Scene, boxes: Sequence[Box]) -> None:
