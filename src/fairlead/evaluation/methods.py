@@ -122,7 +122,6 @@ RECOVERIES: dict[str, Callable[[Models], RecoveryPolicy]] = {
 }
 """Others come by entry points in `fairlead.recoveries`."""
 
-
 PARTS: dict[str, tuple[dict[str, Any], type]] = {
     "dynamics": (DYNAMICS, Dynamics),
     "check": (CHECKS, TransitionCheck),

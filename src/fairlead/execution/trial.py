@@ -159,7 +159,6 @@ class _Trial:
             plan = self._task.plan(self._state, meter, stream(self._seed, "plan", index))
         finally:
             meter.stop_planning()
-        expect_kind("what the planner answered", plan, Plan)
         self._look_at(plan)
         if not plan.extensions:
             # A planner that checks nothing must spend something, or a counted budget would never end.
@@ -171,8 +170,9 @@ class _Trial:
         }, plan)  # fmt: skip
         return plan
 
-    def _look_at(self, plan: Plan) -> None:
+    def _look_at(self, plan: Any) -> None:
         """FairleadError where a planner's answer is no plan that can be followed."""
+        expect_kind("what the planner answered", plan, Plan)
         steps, layout = len(plan.actions), self._world.layout
         expect_finite(plan, "the actions", plan.actions, (steps, layout.action_size))
         expect_finite(plan, "the states", plan.states, (steps + 1, layout.state_size))
