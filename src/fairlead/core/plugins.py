@@ -48,7 +48,7 @@ def find(kind: str, name: str, own: Mapping[str, Any]) -> Any:
         raise UnknownNameError(kind, name, names(kind, own))
     try:
         return point.load()
-    except Exception as error:  # whatever its module does when it is imported
+    except Exception as error:  # code of others runs here: any error of it is theirs
         problem = f"{type(error).__name__}: {error}"
         raise FairleadError(f"{kind} '{name}' ({point.value}) cannot be loaded: {problem}") from error
 
