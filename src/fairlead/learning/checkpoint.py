@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -32,13 +33,13 @@ class Snapshot:
     def take(
         cls, module: nn.Module, optimiser: torch.optim.Adam, best: Tensors, scalars: Mapping[str, Any]
     ) -> Snapshot:
-        """What must be kept to go on from here."""
+        """What must be kept to go on from here: a copy, for training changes its tensors in place."""
         moments = {
             f"{index}.{name}": value
             for index, values in optimiser.state_dict()["state"].items()
             for name, value in values.items()
         }
-        return cls(dict(module.state_dict()), moments, best, dict(scalars))
+        return copy.deepcopy(cls(dict(module.state_dict()), moments, best, dict(scalars)))
 
     def restore(self, module: nn.Module, optimiser: torch.optim.Adam) -> None:
         """Put module and optimiser back to where they were."""
@@ -53,7 +54,7 @@ class Snapshot:
 def write_snapshot(path: Path, key: str, snapshot: Snapshot) -> None:
     """Write a snapshot atomically. `key` says whose it is."""
     tensors = {
-        f"{part}/{name}": value.detach().clone().contiguous()
+        f"{part}/{name}": value.contiguous()
         for part in ("module", "adam", "best")
         for name, value in getattr(snapshot, part).items()
     }

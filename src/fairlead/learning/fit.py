@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import csv
 import io
 import math
@@ -118,17 +117,17 @@ def fit(
         snapshot = read_snapshot(path, key)
         state, best = _State(**snapshot.scalars), snapshot.best
         snapshot.restore(task.module, optimiser)
+    finished = Snapshot.take(task.module, optimiser, best, vars(state))
     saved, earlier_s = time.monotonic(), sum(row["seconds"] for row in state.history)
     with _progress() as progress:
         bar = progress.add_task(title, total=sum(stage.epochs for stage in stages), completed=len(state.history))
         while state.stage < len(stages):
             stage = stages[state.stage]
-            before = copy.deepcopy(Snapshot.take(task.module, optimiser, best, vars(state)))
             try:
                 row = _epoch(task, stage, state, optimiser, stream(seed, "fit", state.stage, state.epoch))
                 row["score"] = task.score()
             except KeyboardInterrupt:
-                write_snapshot(path, key, before)
+                write_snapshot(path, key, finished)
                 raise
             if not math.isfinite(row["score"]):
                 raise FairleadError(f"the score became {row['score']} in stage {state.stage + 1}: lower its rate "
@@ -145,10 +144,11 @@ def fit(
                 state.stage, state.epoch = state.stage + 1, 0
                 task.module.load_state_dict(best)
                 optimiser = _adam(task.module)
+            finished = Snapshot.take(task.module, optimiser, best, vars(state))
             if time.monotonic() - saved >= checkpoint_s:
-                write_snapshot(path, key, Snapshot.take(task.module, optimiser, best, vars(state)))
+                write_snapshot(path, key, finished)
                 saved = time.monotonic()
-    write_snapshot(path, key, Snapshot.take(task.module, optimiser, best, vars(state)))
+    write_snapshot(path, key, finished)
     write_curves(folder, title, state.history)
     return earlier_s
 
