@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fairlead
-from fairlead.core import plugins
+from fairlead.core import cores, plugins
 from fairlead.core.budget import Budget, Meter
 from fairlead.core.errors import FairleadError, UnknownNameError
 from fairlead.core.layout import StateLayout
@@ -168,3 +168,11 @@ def test_every_package_has_a_place_in_the_import_contract() -> None:
 def test_the_version_is_the_same_wherever_it_stands() -> None:
     assert (REPOSITORY / "CHANGELOG.md").read_text().count(f"## {fairlead.__version__}") == 1
     assert f"version: {fairlead.__version__}\n" in (REPOSITORY / "CITATION.cff").read_text()
+
+
+@pytest.mark.parametrize(("quota", "share"), [("max 100000", 4), ("200000 100000", 2), ("50000 100000", 1)])
+def test_a_container_has_no_more_cores_than_its_share(quota: str, share: int, tmp_path: Path, monkeypatch) -> None:
+    (tmp_path / "cpu.max").write_text(quota + "\n")
+    monkeypatch.setattr(cores, "CPU_MAX", tmp_path / "cpu.max")
+    monkeypatch.setattr(cores.os, "sched_getaffinity", lambda process: set(range(4)), raising=False)
+    assert cores.cores() == share

@@ -17,6 +17,8 @@ import synthetic
 from fairlead.core.artifacts import Manifest, append_jsonl, write_json
 from fairlead.core.errors import ArtifactError
 from fairlead.core.layout import StateLayout
+from fairlead.core.records import ActionOutcome, PlanOutcome, SearchTree, TrialOutcome
+from fairlead.core.traces import Trace, TracedAction, TracedPlan
 from fairlead.evaluation.shipped import benchmark_scenes
 from fairlead.evaluation.summary import summarise
 from fairlead.learning.model_files import KINDS
@@ -24,7 +26,8 @@ from fairlead.report.drawing import outline
 from fairlead.report.model_figures import REPORTED, metrics_tables
 from fairlead.report.movie import recoveries, takes
 from fairlead.report.page import write_report
-from fairlead.report.playback import FPS, SPEED, Branches, Episode, Recording, as_predicted, views
+from fairlead.report.playback import FPS, SPEED, Branches, Episode, Recording, as_predicted, recording, views
+from fairlead.report.sections import matrix
 from fairlead.report.sources import TrialSet, find_sources, told_apart
 from fairlead.report.tables import Table, actions_table, effort_table, error_table, overview_table, success_table
 from fairlead.report.video import Panel, frame, within, write_video
@@ -93,6 +96,46 @@ def test_every_trial_is_a_cell(trials: Path, tmp_path: Path) -> None:
     assert page.count('title="scene-') == len(synthetic.rows(scenes=6))
 
 
+def test_a_column_is_one_scene_and_seed_whatever_else_a_method_lacks(trials: Path, tmp_path: Path) -> None:
+    shutil.copytree(trials, tmp_path / "some")
+    (tmp_path / "some" / "trials.jsonl").unlink()
+    for row in synthetic.rows(scenes=6):
+        if row["method"] == "trust" or row["scene"] > "scene-002":
+            append_jsonl(tmp_path / "some" / "trials.jsonl", row)
+    cells = matrix(TrialSet(tmp_path / "some"))["cells"]
+    for column in zip(*cells.values(), strict=True):
+        assert len({cell["text"].split(":")[0] for cell in column if cell}) == 1
+    assert [cell is None for cell in cells["trust-sdf"]] == [True] * 6 + [False] * 6
+    assert None not in cells["trust"]
+
+
+def test_a_method_of_a_shorter_budget_has_no_success_later() -> None:
+    rows = [{**row, "budget": "seconds=30"} if row["method"] == "trust" else row for row in synthetic.rows(scenes=4)]
+    table = success_table(summarise(rows, tuple(synthetic.RATES), 0), "seconds=60")
+    assert table.columns[-3:] == ("at 15 s", "at 30 s", "at 60 s")
+    assert [row[-1] == "-" for row in table.rows] == [True, False, False, False, False]
+
+
+def test_the_page_names_every_revision_and_machine_of_trials(trials: Path, tmp_path: Path) -> None:
+    shutil.copytree(trials, tmp_path / "both")
+    manifest = json.loads((tmp_path / "both" / "manifest.json").read_text())
+    manifest["extra"] = {"revisions": ["1234567", "abcdef0"], "machines": ["2 x This", "4 x That"]}
+    write_json(tmp_path / "both" / "manifest.json", manifest)
+    page = write_report([tmp_path / "both"], tmp_path / "page", videos=False).read_text()
+    assert "1234567, abcdef0" in page
+    assert "2 x This, 4 x That" in page
+
+
+def test_the_page_tells_how_far_from_their_places_ropes_came_to_rest(trials: Path, tmp_path: Path) -> None:
+    shutil.copytree(trials, tmp_path / "laid")
+    (tmp_path / "laid" / "trials.jsonl").unlink()
+    for number, row in enumerate(synthetic.rows(scenes=6)):
+        append_jsonl(tmp_path / "laid" / "trials.jsonl", {**row, "start_residual_m": 0.0125 if not number else 0.002})
+    page = write_report([tmp_path / "laid"], tmp_path / "page", videos=False).read_text()
+    assert "2.0 mm (median, at most 12.5)" in page
+    assert "came to rest" not in write_report([trials], tmp_path / "old", videos=False).read_text()
+
+
 def test_methods_keep_their_order(trials: Path) -> None:
     (found,) = find_sources([trials]).trials
     assert list(found.rows_of) == list(synthetic.RATES)
@@ -155,6 +198,22 @@ def test_frames_tell_the_trial_in_order(steps: list[int], seed: int) -> None:
     assert shown[-1].ended
     assert shown[-1].state == pytest.approx(recording.episodes[-1].executed[-1])
     assert shown[-1].plans == len(steps)
+
+
+def test_the_clock_of_a_video_counts_what_recoveries_took_to_choose() -> None:
+    state, nothing = np.zeros(6, np.float32), np.zeros((0, 6), np.float32)
+    tree = SearchTree(nothing, np.zeros(0, np.int32), np.zeros(0, np.float32))
+    plans, actions, clock = [], [], 0.0
+    for number in range(3):
+        clock += 0.5
+        plans.append(TracedPlan(number, PlanOutcome.STUCK, clock, 32, nothing, nothing[:, :3], tree.trust, tree))
+        clock += 2.0 + 1.0
+        actions.append(TracedAction(number, True, np.zeros(3), ActionOutcome.TARGET, 1.0, clock, state, 0.1))
+    layout, outcome = StateLayout(("gripper",), 1), TrialOutcome.BUDGET
+    told = recording(Trace({}, layout, state, 0.1, tuple(plans), tuple(actions), outcome, {}), "made-up", (0,))
+    assert [episode.planning_s for episode in told.episodes] == pytest.approx([0.5, 2.0] * 3)
+    *_, last = views(told)
+    assert last.seconds == pytest.approx(clock)
 
 
 @given(st.lists(st.integers(0, 4), min_size=1, max_size=3), st.integers(0, 100))
@@ -248,6 +307,7 @@ def test_trials_without_their_scenes_are_told_without_pictures_of_them(trials: P
     """Rows may travel where scenes may not."""
     shutil.copytree(trials, tmp_path / "rows")
     (tmp_path / "rows" / "scenes.json").unlink()
+    (tmp_path / "rows" / "traces" / "trust" / "scene-000-0").mkdir(parents=True)
     page = write_report([tmp_path / "rows"], tmp_path / "page")
     assert "no pictures of them" in page.read_text()
     names = {path.name for path in (page.parent / "figures").iterdir()}

@@ -27,7 +27,7 @@ from fairlead.scenarios.scene_files import Scene
 
 Row = dict[str, Any]
 
-START_RESIDUAL_M = 0.1
+START_RESIDUAL_M = 0.05
 """A start whose rope settles farther away than this [m] is not the scene's."""
 
 

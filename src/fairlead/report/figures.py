@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from fairlead.report.drawing import arena, draw_goal, draw_obstacles, draw_rope, outlines, view_of
 from fairlead.report.style import INK, MUTED, OUTCOMES, figure, method_style
-from fairlead.report.tables import named
+from fairlead.report.tables import among, named
 
 Row = Mapping[str, Any]
 RowsOf = Mapping[str, Sequence[Row]]
@@ -20,11 +20,12 @@ RowsOf = Mapping[str, Sequence[Row]]
 
 def _share_below(axes: Axes, rows_of: RowsOf, key: str, limits: np.ndarray) -> None:
     """For each method, the share of trials whose `key` is at most each limit (null: never)."""
+    most = max(map(len, rows_of.values()))
     for name, rows in rows_of.items():
         values = np.sort([np.inf if row[key] is None else row[key] for row in rows])
         colour, dashes = method_style(name)
         share = 100 * np.searchsorted(values, limits, side="right") / len(values)
-        axes.plot(limits, share, color=colour, linestyle=dashes, label=name)
+        axes.plot(limits, share, color=colour, linestyle=dashes, label=among(name, len(rows), most))
     axes.set(ylim=(0, 103), xlim=(limits[0], limits[-1]), ylabel="success [%]")
 
 
@@ -51,12 +52,12 @@ def time_spent(summary: Mapping[str, Any]) -> Figure:
     """Mean seconds of planning and of execution in a trial, for each method."""
     methods = list(summary["methods"])
     with figure(5.6, 1.0 + 0.32 * len(methods)) as (canvas, (axes,)):
-        left = np.zeros(len(methods))
+        left, names = np.zeros(len(methods)), [named(summary, name) for name in methods]
         for key, label, alpha in (("mean_planning_s", "planning", 1.0), ("mean_execution_s", "execution", 0.35)):
             width = np.array([summary["methods"][name][key] for name in methods])
             colours = [method_style(name)[0] for name in methods]
-            axes.barh(methods, width, left=left, color=colours, alpha=alpha, height=0.62)
-            axes.barh([methods[0]], [0], color=INK, alpha=alpha, label=label)
+            axes.barh(names, width, left=left, color=colours, alpha=alpha, height=0.62)
+            axes.barh([names[0]], [0], color=INK, alpha=alpha, label=label)
             left += width
         for row, total in enumerate(left):
             axes.text(total, row, f"  {total:.1f} s", va="center", fontsize=9, color=MUTED)

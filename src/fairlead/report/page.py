@@ -35,10 +35,10 @@ def _provenance(sources: Sources) -> Table:
             folder.name,
             manifest["kind"],
             str(manifest["seed"]),
-            manifest["git"],
+            ", ".join(manifest["extra"].get("revisions", [manifest["git"]])),
             sha256(folder / MANIFEST)[:12],
             f"{manifest['wall_s']:.0f}",
-            f"{manifest['hardware']['cores']} x {manifest['hardware']['machine']}",
+            ", ".join(manifest["extra"].get("machines", ["{cores} x {machine}".format(**manifest["hardware"])])),
             ", ".join(
                 f"{k} {v}" for k, v in manifest["versions"].items() if k in ("python", "mujoco", "torch", "ompl")
             ),
@@ -46,7 +46,8 @@ def _provenance(sources: Sources) -> Table:
         for folder, manifest in found
     ]
     columns = ("artifact", "kind", "seed", "revision", "manifest SHA-256", "wall [s]", "cores", "versions")
-    return Table("Artifacts", columns, tuple(rows))
+    note = "Trials may be of several runs: revisions and machines are those of all, the seconds those of the last."
+    return Table("Artifacts", columns, tuple(rows), note)
 
 
 def _headline(sources: Sources) -> tuple[str, str]:

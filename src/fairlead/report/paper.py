@@ -10,24 +10,23 @@ class PaperRow:
     """One method of the paper: success rate, and min, max, mean, median and SD of the final error [m]."""
 
     name: str
-    method: str
     success: float
     error_m: tuple[float | None, float | None, float, float | None, float | None]
 
 
 RESULTS: dict[str, tuple[PaperRow, ...]] = {
     "dragging": (
-        PaperRow("classifier", "trust", 0.76, (0.009, 1.133, 0.128, 0.044, 0.247)),
-        PaperRow("no classifier", "accept-all", 0.60, (0.014, 1.408, 0.325, 0.045, 0.425)),
-        PaperRow("full dynamics", "full-dynamics", 0.32, (0.004, 1.519, 0.438, 0.156, 0.450)),
-        PaperRow("collision checker", "collision-check", 0.78, (None, None, 0.127, None, None)),
+        PaperRow("classifier", 0.76, (0.009, 1.133, 0.128, 0.044, 0.247)),
+        PaperRow("no classifier", 0.60, (0.014, 1.408, 0.325, 0.045, 0.425)),
+        PaperRow("full dynamics", 0.32, (0.004, 1.519, 0.438, 0.156, 0.450)),
+        PaperRow("collision checker", 0.78, (None, None, 0.127, None, None)),
     ),
     "dual_arm": (
-        PaperRow("classifier, learned recovery", "trust+recovery", 0.84, (0.014, 0.450, 0.073, 0.045, 0.094)),
-        PaperRow("classifier, random recovery", "trust+random-recovery", 0.78, (0.016, 0.629, 0.081, 0.046, 0.106)),
-        PaperRow("classifier", "trust", 0.61, (0.015, 0.630, 0.147, 0.047, 0.167)),
-        PaperRow("no classifier", "accept-all", 0.47, (0.011, 0.741, 0.170, 0.082, 0.165)),
-        PaperRow("full dynamics", "full-dynamics", 0.177, (0.019, 0.621, 0.203, 0.191, 0.142)),
+        PaperRow("classifier, learned recovery", 0.84, (0.014, 0.450, 0.073, 0.045, 0.094)),
+        PaperRow("classifier, random recovery", 0.78, (0.016, 0.629, 0.081, 0.046, 0.106)),
+        PaperRow("classifier", 0.61, (0.015, 0.630, 0.147, 0.047, 0.167)),
+        PaperRow("no classifier", 0.47, (0.011, 0.741, 0.170, 0.082, 0.165)),
+        PaperRow("full dynamics", 0.177, (0.019, 0.621, 0.203, 0.191, 0.142)),
     ),
 }
 

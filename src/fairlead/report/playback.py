@@ -87,7 +87,9 @@ def recording(trace: Trace, title: str, points: tuple[int, ...]) -> Recording:
                 continue
             found = None if recovering or not len(plan.states) else plan
             errors = np.array([error, *(action.error_m for action in part)])
-            planning_s = plan.at_s - clock
+            # What a recovery took to choose lies between the end of planning and the start of its action.
+            decided_s = part[0].at_s - part[0].seconds if recovering else plan.at_s
+            planning_s = decided_s - clock
             episodes.append(_episode(trace.layout, not recovering, found, part, state, errors, planning_s, points))
             state, error = part[-1].state if part else state, float(errors[-1])
             clock = part[-1].at_s if part else max(clock, plan.at_s)

@@ -89,21 +89,24 @@ def bars(summary: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def matrix(trials: TrialSet) -> dict[str, Any]:
-    """The outcome of every trial: a line a method, a cell a trial."""
-    cells = {
-        name: [
-            {
-                "colour": OUTCOMES[row["outcome"]],
-                "text": f"{row['scene']}, seed {row['seed']}: {TrialOutcome.of(row['outcome']).sentence} "
-                f"Error {row['error_m']:.3f} m, {row['plans']} plans, {row['planning_s'] + row['execution_s']:.0f} s.",
-            }
-            for row in rows
-        ]
-        for name, rows in trials.rows_of.items()
-    }
+    """The outcome of every trial: a line a method, a column a scene and seed; None where a method was not tried."""
+    columns = sorted({(row["scene"], row["seed"]) for row in trials.rows})
+    cells = {}
+    for name, rows in trials.rows_of.items():
+        found = {(row["scene"], row["seed"]): _cell(row) for row in rows}
+        cells[name] = [found.get(column) for column in columns]
     used = {row["outcome"] for row in trials.rows}
     legend = [(o.label, OUTCOMES[o.label], o.sentence) for o in TrialOutcome if o.label in used]
     return {"cells": cells, "legend": legend}
+
+
+def _cell(row: dict[str, Any]) -> dict[str, str]:
+    """A trial's colour, and its numbers."""
+    return {
+        "colour": OUTCOMES[row["outcome"]],
+        "text": f"{row['scene']}, seed {row['seed']}: {TrialOutcome.of(row['outcome']).sentence} "
+        f"Error {row['error_m']:.3f} m, {row['plans']} plans, {row['planning_s'] + row['execution_s']:.0f} s.",
+    }
 
 
 def title_of(trials: TrialSet) -> str:
@@ -132,7 +135,7 @@ def trial_section(trials: TrialSet, save: Figures, clips: list[Clip], cameras: C
         title=title_of(trials),
         lead=f"{counted(scenes, 'scene')} of {config['scenes']}.json, {counted(seeds, 'seed')}; every method on the "
         f"same scenes, starts, goals and seeds{unfinished}. Budget {budget} a trial, protocol “{config['protocol']}”, "
-        f"{config['planner']} planner.{other}{clock}",
+        f"{config['planner']} planner.{other}{clock}{_laid(trials)}",
         bars=bars(summary),
         tables=[tables.success_table(summary, str(budget)), tables.error_table(summary, config["scenario"])],
         matrix=matrix(trials),
@@ -143,6 +146,17 @@ def trial_section(trials: TrialSet, save: Figures, clips: list[Clip], cameras: C
     section.tables += [tables.effort_table(summary), tables.actions_table(summary)]
     section.pictures += _trial_pictures(trials, save, budget.seconds, cameras)
     return section
+
+
+def _laid(trials: TrialSet) -> str:
+    """How far from the scenes' points the ropes came to rest before the trials; earlier rows do not tell."""
+    gaps = sorted(1000 * row["start_residual_m"] for row in trials.rows if "start_residual_m" in row)
+    if not gaps:
+        return ""
+    return (
+        f" Ropes came to rest {gaps[len(gaps) // 2]:.1f} mm (median, at most {gaps[-1]:.1f}) from where they are laid, "
+        "root mean square over the points."
+    )
 
 
 def _trial_pictures(trials: TrialSet, save: Figures, seconds: float, cameras: Cameras) -> list[Picture]:

@@ -78,7 +78,11 @@ def whole(summary: Summary) -> dict[str, Summary]:
 
 def named(summary: Summary, name: str) -> str:
     """A method's name, and how many trials it has where others of the set have more."""
-    trials, most = summary["methods"][name]["trials"], _most(summary)
+    return among(name, summary["methods"][name]["trials"], _most(summary))
+
+
+def among(name: str, trials: int, most: int) -> str:
+    """A method's name, and how many trials it has where that is not the most."""
     return name if trials == most else f"{name} (only {trials} of {most} trials)"
 
 
@@ -125,7 +129,8 @@ def success_table(summary: Summary, budget: str) -> Table:
     """Success at the end, after the first plan alone, and earlier; another budget than `budget` is named."""
     methods = summary["methods"]
     limit = Budget.parse(budget).seconds
-    times = sorted((t for t in next(iter(methods.values()))["success_at_s"] if float(t) <= limit), key=float)
+    known = {time for entry in methods.values() for time in entry["success_at_s"]}
+    times = sorted((time for time in known if float(time) <= limit), key=float)
     columns = ("method", "trials", "success", "first plan alone", *(f"at {time} s" for time in times))
     rows = [
         (
@@ -133,13 +138,15 @@ def success_table(summary: Summary, budget: str) -> Table:
             str(entry["trials"]),
             rate(entry["success"]),
             rate(entry["first_plan_success"]),
-            *(percent(entry["success_at_s"][time]) for time in times),
+            *(percent(entry["success_at_s"][time]) if time in entry["success_at_s"] else "-" for time in times),
         )
         for name, entry in methods.items()
     ]
     note = (
         "Rates with 95 % Wilson intervals. First plan alone: executed open loop, before any re-planning; "
-        "a trial that recovery ended before any plan has none, and counts as one whose first plan failed."
+        "a trial that recovery ended before any plan has none, and counts as one whose first plan failed. "
+        "When the budget ends, an action under way is finished and its end counts; what was under way earlier, at "
+        "15 s of a minute, say, does not count there yet."
     )
     return Table("Success", columns, tuple(rows), note)
 

@@ -121,10 +121,10 @@ def _alone(method: str, key: Key, row: Mapping[str, Any]) -> Choice:
 
 
 def make_videos(trials: TrialSet, folder: Path, cameras: Cameras) -> list[Clip]:
-    """Write the videos of a set of trials, and a moving GIF of the first."""
+    """Write the videos of a set of trials, and a moving GIF of the first; none where its scenes did not travel."""
     scenes = {scene["name"]: scene for scene in trials.scenes}
     clips = []
-    for number, choice in enumerate(choose(trials)):
+    for number, choice in enumerate(choose(trials) if scenes else ()):
         methods, (scene, seed) = choice.methods, choice.key
         path = folder / f"{trials.name}-{number}.mp4"
         traces = {method: trials.folder / "traces" / method / f"{scene}-{seed}" for method in methods}
