@@ -24,7 +24,7 @@ class Command:
     """Folder of data, models, trials and report."""
     preset: str = "desk"
     """smoke (a minute), desk (on two cores 15 to 30 minutes, dual_arm 30 to 60; real_tasks, whose trials are many,
-    about an hour), paper (the paper's data sizes, every method; one to four hours, dual_arm up to six or more), evidence (as
+    about an hour), paper (the paper's data sizes, every method; one to four hours, dual_arm six or more), evidence (as
     paper, tried in every way, and on where paper ended; a day)."""
     sensitivity: bool = False
     """Train and try trust at other thresholds too (Fig. S2), as evidence does; not of real_tasks."""
