@@ -13,7 +13,7 @@ CPU_MAX = Path("/sys/fs/cgroup/cpu.max")
 def cores() -> int:
     """Those it is bound to, where the system tells, else those of the machine; no more than a container's share."""
     bound = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    quota, _, period = CPU_MAX.read_text().partition(" ") if CPU_MAX.exists() else ("max", "", "")
+    quota, period = CPU_MAX.read_text().split() if CPU_MAX.exists() else ("max", "")
     return bound if quota == "max" else max(1, min(bound, int(quota) // int(period)))
 
 

@@ -39,7 +39,7 @@ class Snapshot:
             for index, values in optimiser.state_dict()["state"].items()
             for name, value in values.items()
         }
-        return copy.deepcopy(cls(dict(module.state_dict()), moments, best, dict(scalars)))
+        return cls(_copied(module.state_dict()), _copied(moments), _copied(best), copy.deepcopy(dict(scalars)))
 
     def restore(self, module: nn.Module, optimiser: torch.optim.Adam) -> None:
         """Put module and optimiser back to where they were."""
@@ -49,6 +49,10 @@ class Snapshot:
             index, _, name = key.partition(".")
             state.setdefault(int(index), {})[name] = value
         optimiser.load_state_dict({"state": state, "param_groups": optimiser.state_dict()["param_groups"]})
+
+
+def _copied(tensors: Mapping[str, Tensor]) -> Tensors:
+    return {name: value.detach().clone() for name, value in tensors.items()}
 
 
 def write_snapshot(path: Path, key: str, snapshot: Snapshot) -> None:

@@ -107,7 +107,7 @@ def _card(card: Card) -> Iterator[Image.Image]:
 
 def _take(take: Take, cameras: Cameras) -> Iterator[Image.Image]:
     scene = next(scene for scene in take.trials.scenes if scene["name"] == take.scene)
-    traces = {method: take.trials.folder / "traces" / method / f"{take.scene}-{take.seed}" for method in take.methods}
+    traces = {method: take.trials.trace(method, take.scene, take.seed) for method in take.methods}
     blank = _blank()
     _write(blank, (GAP, 14), (f"{take.scene}: {take.caption}",), 18, MUTED)
     _write(blank, (SIDE + 3 * GAP, CAPTION + HEAD + 60), take.beside, 19)

@@ -7,6 +7,7 @@ import io
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from matplotlib.figure import Figure
@@ -150,11 +151,11 @@ def trial_section(trials: TrialSet, save: Figures, clips: list[Clip], cameras: C
 
 def _laid(trials: TrialSet) -> str:
     """How far from the scenes' points the ropes came to rest before the trials; earlier rows do not tell."""
-    gaps = sorted(1000 * row["start_residual_m"] for row in trials.rows if "start_residual_m" in row)
+    gaps = [1000 * row["start_residual_m"] for row in trials.rows if "start_residual_m" in row]
     if not gaps:
         return ""
     return (
-        f" Ropes came to rest {gaps[len(gaps) // 2]:.1f} mm (median, at most {gaps[-1]:.1f}) from where they are laid, "
+        f" Ropes came to rest {median(gaps):.1f} mm (median, at most {max(gaps):.1f}) from where they are laid, "
         "root mean square over the points."
     )
 

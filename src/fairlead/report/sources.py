@@ -56,10 +56,9 @@ class TrialSet:
         """Method -> its trials, in the order of the summary."""
         return {name: [row for row in self.rows if row["method"] == name] for name in self.summary["methods"]}
 
-    def trace(self, method: str, scene: str, seed: int) -> Path | None:
-        """The trace of a trial, where one was kept."""
-        folder = self.folder / "traces" / method / f"{scene}-{seed}"
-        return folder if folder.is_dir() else None
+    def trace(self, method: str, scene: str, seed: int) -> Path:
+        """The folder of a trial's trace; it is there where one was kept."""
+        return self.folder / "traces" / method / f"{scene}-{seed}"
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,7 @@ def foretold(
 def traced(trials: TrialSet, method: str) -> dict[Key, dict[str, Any]]:
     """The rows of a method whose traces were kept, by scene and seed."""
     rows = trials.rows_of.get(method, [])
-    return {(r["scene"], r["seed"]): r for r in rows if trials.trace(method, r["scene"], r["seed"])}
+    return {(r["scene"], r["seed"]): r for r in rows if trials.trace(method, r["scene"], r["seed"]).is_dir()}
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def make_videos(trials: TrialSet, folder: Path, cameras: Cameras) -> list[Clip]:
     for number, choice in enumerate(choose(trials) if scenes else ()):
         methods, (scene, seed) = choice.methods, choice.key
         path = folder / f"{trials.name}-{number}.mp4"
-        traces = {method: trials.folder / "traces" / method / f"{scene}-{seed}" for method in methods}
+        traces = {method: trials.trace(method, scene, seed) for method in methods}
         show = trials.config, scenes[scene]
         pair = panels(*show, traces, cameras) if len(methods) > 1 else foretold(*show, *traces.popitem(), cameras)
         with pair as side_by_side:
