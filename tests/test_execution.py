@@ -134,6 +134,8 @@ class Odd(World):
         (Executed(START[None] * np.nan, np.ones(1), np.zeros(1, int)), "Odd: an executed state must be finite"),
         (Executed(START[None, :9], np.ones(1), np.zeros(1, int)), r"Odd: an executed state .* \(1, 12\), not \(1, 9\)"),
         (Executed(START[None], -np.ones(1), np.zeros(1, int)), "Odd: an action took -1 s"),
+        (Executed(START[None], np.ones(1), np.array([6])), "Odd: an action ended in 6, no ActionOutcome"),
+        (Executed(START[None], np.ones(1), np.array([-1])), "Odd: an action ended in -1, no ActionOutcome"),
     ],
 )
 def test_what_no_world_can_do_ends_the_trial(answer, said):

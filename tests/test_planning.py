@@ -245,6 +245,12 @@ def test_a_control_is_repeated_at_most_so_often(repeats, seed):
     assert same.max() <= repeats
 
 
+def test_ompl_pays_for_each_transition_once():
+    task, spent = Problem(arena(), tail_goal(9, 9), FreeChain(), AcceptAll(), UNCLIPPED), meter(300)
+    tree = OmplRRT().plan(task, START, spent, stream(0)).tree
+    assert 200 < len(np.unique(tree.states, axis=0)) == len(tree.states)
+
+
 def test_both_planners_solve_the_same_problems_at_a_similar_rate():
     solved = {BatchedRRT: 0, OmplRRT: 0}
     spent = {BatchedRRT: 0, OmplRRT: 0}
@@ -263,6 +269,9 @@ def test_both_planners_solve_the_same_problems_at_a_similar_rate():
 
 
 def test_settings_that_make_no_sense_are_refused():
+    for threshold in (0.05, 1.0):
+        with pytest.raises(FairleadError, match="threshold"):
+            replace(problem(arena(), tail_goal(9, 9)), threshold=threshold)
     for wrong in ({"goal_bias": 2}, {"repeats": 0}, {"attempt_seconds": -1}):
         with pytest.raises(FairleadError):
             SearchSettings(**wrong)

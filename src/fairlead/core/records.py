@@ -56,7 +56,7 @@ class PlanOutcome(Explained):
     """How one planning attempt ended."""
 
     GOAL = ("goal", "The plan ends in the goal.")
-    PARTIAL = ("partial", "Time ran out; the plan ends at the node nearest to the goal.")
+    PARTIAL = ("partial", "Time ran out; the plan ends at the node nearest to the goal, which may be the start.")
     STUCK = ("stuck", "Nothing tried from the start was accepted: recovery is needed.")
 
 

@@ -131,7 +131,8 @@ PARTS: dict[str, tuple[dict[str, Any], type]] = {
 
 
 def _trust(models: Models, name: str) -> TransitionCheck:
-    return within_reach(load_check(models.folder_of(name), models.scenario.kin), models.scenario)
+    check = load_check(models.folder_of(name), models.scenario.kin)
+    return within_reach(check, models.scenario) if check.network.config.reach_known else check
 
 
 def _recovery(models: Models, name: str, doubt: bool) -> RecoveryPolicy:

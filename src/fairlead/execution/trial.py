@@ -210,6 +210,11 @@ class _Trial:
         executed = self._world.execute(action[None])
         expect_finite(self._world, "an executed state", executed.states, (1, len(self._state)))
         expect_finite(self._world, "the seconds of an action", executed.seconds, (1,))
+        expect(self._world, "the outcomes", executed.outcomes, (1,))
+        if executed.outcomes[0] not in range(len(ActionOutcome)):
+            raise FairleadError(
+                f"{type(self._world).__name__}: an action ended in {executed.outcomes[0]}, no ActionOutcome"
+            )
         if executed.seconds[0] < 0:
             raise FairleadError(f"{type(self._world).__name__}: an action took {executed.seconds[0]:.4g} s")
         seconds, self._diverged = float(executed.seconds[0]), bool(executed.diverged[0])

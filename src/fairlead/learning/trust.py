@@ -67,27 +67,26 @@ class LearnedCheck(TransitionCheck):
 class TrustTask(Task):
     """Binary cross-entropy on balanced minibatches; the score is the balanced cross-entropy on validation."""
 
-    def __init__(self, module: TrustNetwork, train: Examples, validation: Examples) -> None:
+    def __init__(
+        self, module: TrustNetwork, train: tuple[Inputs, np.ndarray], validation: tuple[Inputs, np.ndarray]
+    ) -> None:
         self.module: nn.Module = module
-        self._network, self._labels, self._held_out = module, train.labels, validation.labels
-        self._train_inputs, self._validation_inputs = module.prepare(train), module.prepare(validation)
-        if train.labels.all() or not train.labels.any():
-            only = "reliable" if train.labels.all() else "unreliable"
-            raise FairleadError(f"every training example is {only}: nothing to learn; collect more, or change delta")
-        module.standardise(self._train_inputs, len(train))
+        self._network, self._validation = module, validation
+        self._inputs, self._labels = train
+        module.standardise(self._inputs, len(self._labels))
 
     def order(self, stage: Stage, rng: np.random.Generator) -> Sequence[Int[np.ndarray, " row"]]:
         """Half of each minibatch is reliable and half is not: the rarer class is oversampled."""
         return balanced_order(self._labels, stage.batch, rng)
 
     def loss(self, stage: Stage, indices: Int[np.ndarray, " row"], rng: np.random.Generator) -> Tensor:
-        inputs = self._network.augment(self._train_inputs(indices), rng)
+        inputs = self._network.augment(self._inputs(indices), rng)
         target = beside(self.module, self._labels[indices].astype(np.float32))
         return nn.functional.binary_cross_entropy_with_logits(self._network(*inputs), target)
 
     def score(self) -> float:
-        found = probabilities(self._network, self._validation_inputs, len(self._held_out))
-        return balanced_log_loss(found, self._held_out)
+        inputs, labels = self._validation
+        return balanced_log_loss(probabilities(self._network, inputs, len(labels)), labels)
 
 
 def balanced_order(
@@ -146,14 +145,18 @@ def fit_trust(labelled: Labelled, config: TrustConfig, job: Job, started: float 
     delta, whole = labelled.delta, labelled.splits
     limits = {"train": config.limit, "validation": HELD_OUT, "test": HELD_OUT}
     examples = {name: e.sample(limits[name], stream(job.seed, "examples", name)) for name, e in whole.items()}
-    layout = whole["train"].layout
+    layout, labels = whole["train"].layout, examples["train"].labels
+    if labels.all() or not labels.any():
+        only = "reliable" if labels.all() else "unreliable"
+        raise FairleadError(f"every training example is {only}: nothing to learn; collect more, or change delta")
     network = build_network(layout, config, job.seed).to(job.device)
-    task = TrustTask(network, examples["train"], examples["validation"])
+    prepared = {name: (network.prepare(e), e.labels) for name, e in examples.items()}
+    task = TrustTask(network, prepared["train"], prepared["validation"])
     key, title = job.key(f"trust at {delta!r}", config), f"trust ({config.network})"
     earlier_s = fit(task, config.stages, job.seed, job.folder, key=key, patience=config.patience, title=title)
     metrics: dict[str, Any] = {"delta_m": delta, "rule": labelled.rule}
-    for name, found in examples.items():
-        metrics[name] = classification(probabilities(network, network.prepare(found), len(found)), found.labels)
+    for name, (inputs, actual) in prepared.items():
+        metrics[name] = classification(probabilities(network, inputs, len(actual)), actual)
     metrics.update({f"test_{name}": metrics["test"][name] for name in ("accuracy", "precision", "recall", "auroc")})
     held_out = examples["validation"]
     metrics["spread_threshold_m"] = best_threshold(held_out.transitions.spread, held_out.labels)

@@ -24,6 +24,8 @@ FILTERS = 26
 LAYERS = 3
 AT_ONCE = 200_000
 """Cells that a CPU encodes at once: 21 MB after the first layer. More is fetched from the system anew, page by page."""
+DRAWN = 256
+"""States whose voxels are held at once: of the paper's grid in three dimensions each takes a megabyte."""
 
 
 @final
@@ -177,7 +179,9 @@ class VoxelTrust(TrustNetwork):
 
     def _look(self, environment: Environment, states: Float[np.ndarray, "batch state"]) -> Float[Tensor, "batch f"]:
         occupancy = Occupancy.of([environment], self.grid.resolution, device_of(self))
-        return self.encoder(self.grid.draw(self.layout, occupancy, np.zeros(len(states), np.intp), states))
+        some = [states[low : low + DRAWN] for low in range(0, max(1, len(states)), DRAWN)]
+        drawn = (self.grid.draw(self.layout, occupancy, np.zeros(len(part), np.intp), part) for part in some)
+        return torch.cat([self.encoder(voxels) for voxels in drawn])
 
     def _vectors(self, states: Float[np.ndarray, "batch state"]) -> Float[Tensor, "batch vector"]:
         """World-frame and local state."""

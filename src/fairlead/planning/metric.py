@@ -27,7 +27,7 @@ class Metric:
     def __init__(self, layout: StateLayout) -> None:
         self._ends = np.cumsum([0, *metric_groups(layout)])
 
-    def norms(self, states: Float[np.ndarray, "batch state"]) -> Float[np.ndarray, "batch group"]:
+    def squares(self, states: Float[np.ndarray, "batch state"]) -> Float[np.ndarray, "batch group"]:
         """|x|^2 of each group, kept with a node so that it is computed once."""
         return np.add.reduceat(states * states, self._ends[:-1], axis=1)
 
@@ -35,16 +35,16 @@ class Metric:
         self,
         targets: Float[np.ndarray, "target state"],
         states: Float[np.ndarray, "node state"],
-        norms: Float[np.ndarray, "node group"],
+        squares: Float[np.ndarray, "node group"],
     ) -> Int[np.ndarray, " target"]:
         """Index of the state nearest to each target."""
-        target_norms = self.norms(targets)
+        target_squares = self.squares(targets)
         distance = np.zeros((len(targets), len(states)), np.float32)
         for group, (low, high) in enumerate(zip(self._ends[:-1], self._ends[1:], strict=True)):
             square = targets[:, low:high] @ states[:, low:high].T
             square *= -2
-            square += target_norms[:, group, None]
-            square += norms[:, group]
+            square += target_squares[:, group, None]
+            square += squares[:, group]
             np.maximum(square, 0, out=square)
             distance += np.sqrt(square, out=square)
         return distance.argmin(axis=1)

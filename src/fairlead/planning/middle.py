@@ -42,6 +42,8 @@ class Middle(Goal):
 class ToTheMiddle(Planner):
     """Plans to the middle of the goal. Where time runs out first, the plan that ends nearest may still end in the goal.
 
+    A goal without a tolerance (a box, several goals as one) has no middle: it is planned to as it is.
+
     Args:
         planner: does the planning.
         share: of the goal's tolerance.

@@ -3,7 +3,8 @@
 OMPL grows the tree and finds nearest nodes. Its Python bindings let a program supply the propagation, the goal and the
 goal's samples, but not the samplers of states and controls. So every target is drawn as a goal sample (a goal bias of
 1), from the same distribution as our own planner's, and OMPL's control is only a number whose change asks for a new
-action.
+action. OMPL propagates what it extends by twice, to find out how far it goes and then for the states on the way: the
+second time costs nothing and gives the same.
 """
 
 from __future__ import annotations
@@ -70,6 +71,7 @@ class _Search:
         self._targets = Targets(problem, start, settings.goal_bias)
         self.tree = Tree(problem, start)
         self._nodes = {self.tree.states[0].tobytes(): 0}
+        self._children: dict[tuple[int, float], int] = {}
         self._control, self._origin = -1.0, self.tree.states
         self._action: np.ndarray = np.zeros((1, problem.layout.action_size))
         self._tried = 0
@@ -100,6 +102,10 @@ class _Search:
             return
         states = self.read(state)
         node = self._nodes[states.tobytes()]
+        if known := self._children.get((node, number[0])):
+            self.valid = True
+            self.write(result, self.tree.states[known])
+            return
         sampler = self._problem.sampler
         if number[0] == self._control:
             action = sampler.repeat(self._origin, self._action, states)
@@ -114,7 +120,7 @@ class _Search:
         if self.valid:
             new = int(self.tree.add(np.array([node]), action, tried, tried.accepted)[0])
             reached = self.tree.states[new]
-            self._nodes[reached.tobytes()] = new
+            self._nodes[reached.tobytes()] = self._children[node, number[0]] = new
             self.write(result, reached)
 
     def sample_target(self, state: Any) -> None:

@@ -15,7 +15,7 @@ from fairlead.core.budget import Meter
 from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
 from fairlead.core.records import Plan, Transitions
-from fairlead.core.roles import ActionSampler, Dynamics, Environment, Goal, TransitionCheck
+from fairlead.core.roles import LEAST_TRUST, ActionSampler, Dynamics, Environment, Goal, TransitionCheck
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,10 @@ class Problem:
     check: TransitionCheck
     sampler: ActionSampler
     threshold: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not LEAST_TRUST <= self.threshold < 1:
+            raise FairleadError(f"threshold {self.threshold}: a probability of at least {LEAST_TRUST} is needed")
 
     @property
     def layout(self) -> StateLayout:

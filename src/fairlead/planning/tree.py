@@ -37,7 +37,7 @@ class Tree:
             "trust": np.ones(1, np.float32),
             "encodings": encoding,
             "keys": keys,
-            "norms": self._metric.norms(keys),
+            "squares": self._metric.squares(keys),
         }
         self._size, self._capacity = 1, 1
         self.best, self.best_error = 0, float(self._goal.error(root)[0])
@@ -73,7 +73,7 @@ class Tree:
         first, last = self._size, self._size + len(states)
         self._reserve(last)
         new = {"states": states, "actions": actions[rows], "parents": parents[rows], "trust": tried.trust[rows],
-               "encodings": tried.encodings[rows], "keys": keys, "norms": self._metric.norms(keys)}  # fmt: skip
+               "encodings": tried.encodings[rows], "keys": keys, "squares": self._metric.squares(keys)}  # fmt: skip
         for name, values in new.items():
             self._columns[name][first:last] = values
         self._size = last
@@ -100,12 +100,12 @@ class Tree:
 
         A sample keeps the cost of an extension the same in a small tree and in a large one.
         """
-        keys, norms = self._columns["keys"], self._columns["norms"]
+        keys, squares = self._columns["keys"], self._columns["squares"]
         if self._size <= self._candidates:
-            return self._metric.nearest(targets.astype(np.float32), keys[: self._size], norms[: self._size])
+            return self._metric.nearest(targets.astype(np.float32), keys[: self._size], squares[: self._size])
         sample = rng.integers(self._size, size=self._candidates)
         sample[0] = self.best
-        return sample[self._metric.nearest(targets.astype(np.float32), keys[sample], norms[sample])]
+        return sample[self._metric.nearest(targets.astype(np.float32), keys[sample], squares[sample])]
 
     def plan(self, outcome: PlanOutcome, extensions: int, invalid: int) -> Plan:
         """The plan that leads from the start to the best node."""

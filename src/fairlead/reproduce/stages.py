@@ -166,7 +166,7 @@ def recovery(
     def train(job: Job) -> None:
         model = load_dynamics(dynamics, scenario.kin, job.device)
         check = load_check(trust, scenario.kin, job.device)
-        trusted = within_reach(check, scenario)
+        trusted = within_reach(check, scenario) if check.network.config.reach_known else check
         train_recovery(model, check, trusted, scenario.sampler, splits(data, scenario, 2), config, job)
 
     train_once(scenario, out, config, {"data": data, "dynamics": dynamics, "trust": trust}, seed, train)
