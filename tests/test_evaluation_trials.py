@@ -34,12 +34,13 @@ from fairlead.core.artifacts import (
 from fairlead.core.budget import Budget
 from fairlead.core.cores import machine
 from fairlead.core.errors import ArtifactError, FairleadError, UnknownNameError
-from fairlead.core.records import TrialOutcome
+from fairlead.core.records import Transitions, TrialOutcome
 from fairlead.core.traces import EVENTS, read_trace
 from fairlead.evaluation import trials
 from fairlead.evaluation.bench import Bench, TrialsConfig, scaled
 from fairlead.evaluation.bench import Job as Trial
 from fairlead.evaluation.methods import CHECKS, DYNAMICS, METHODS, RECOVERIES, Parts, find_method
+from fairlead.evaluation.models import Models
 from fairlead.evaluation.planners import PLANNERS, NamedPlanner
 from fairlead.evaluation.shipped import benchmark_scenes, shipped_models
 from fairlead.evaluation.solved import solved_scenes
@@ -509,3 +510,16 @@ def test_another_threshold_of_the_spread_is_refused(config: TrialsConfig, tmp_pa
             Trials(spread, tmp_path / "out").run()
     with pytest.raises(ArtifactError, match=r"another spread_threshold_m \(0.5, now 0.1\)"):
         Trials(replace(spread, limit=2), tmp_path / "out")
+
+
+@pytest.mark.parametrize("file", ["dragging", "dragging_hard", "dual_arm", "dual_arm_hard"])
+def test_the_collision_check_accepts_ropes_as_they_lie_in_every_scene(file, tmp_path):
+    path = benchmark_scenes("dragging").with_stem(file)
+    world = scenario(file.removesuffix("_hard"))
+    whole = CHECKS["collision"](Models(tmp_path, world))
+    check = whole if world.arms is None else whole.inner
+    for scene in world.scenes(path).scenes:
+        environment, state = world.environment(scene.obstacles), scene.state(world.layout)[None]
+        encoding = check.encode(environment, state)
+        still = Transitions(state, np.zeros((1, world.layout.action_size)), state, np.zeros(1))
+        assert check.probability(environment, still, encoding, encoding)[0] > 0.5, scene.name

@@ -20,9 +20,13 @@ from fairlead.planning.recovery import NoRecovery, PlannedRecovery, RandomRecove
 from fairlead.planning.rrt import BatchedRRT
 from fairlead.scenarios.arms_check import recovery_within_reach, within_reach
 from fairlead.scenarios.oracle import SimulatorDynamics
+from fairlead.scenarios.scenario import Scenario
 from fairlead.scenarios.scene_files import Scene
 
 T = TypeVar("T")
+
+CONTACT_GIVES_M = 0.003
+"""A rope that rests on something is closer to it than its radius, for contacts give way (docs/adr/0018)."""
 
 
 @dataclass(frozen=True)
@@ -99,9 +103,7 @@ def _learned(models: Models) -> Dynamics:
 CHECKS: dict[str, Callable[[Models], TransitionCheck]] = {
     "accept-all": lambda models: AcceptAll(),
     "arms": lambda models: within_reach(AcceptAll(), models.scenario),
-    "collision": lambda models: within_reach(
-        CollisionCheck(models.scenario.layout, models.scenario.rope_radius), models.scenario
-    ),
+    "collision": lambda models: within_reach(_collision(models.scenario), models.scenario),
     "spread": lambda models: SpreadThreshold(models.spread_threshold_m),
     "spread+arms": lambda models: within_reach(SpreadThreshold(models.spread_threshold_m), models.scenario),
     "trust": lambda models: _trust(models, "trust"),
@@ -128,6 +130,10 @@ PARTS: dict[str, tuple[dict[str, Any], type]] = {
     "recovery": (RECOVERIES, RecoveryPolicy),
 }
 """What a method is made of: the table and the role of each kind of part."""
+
+
+def _collision(scenario: Scenario) -> CollisionCheck:
+    return CollisionCheck(scenario.layout, max(0.0, scenario.rope_radius - CONTACT_GIVES_M))
 
 
 def _trust(models: Models, name: str) -> TransitionCheck:
