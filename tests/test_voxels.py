@@ -12,7 +12,7 @@ from fairlead.core.layout import StateLayout
 from fairlead.geometry.fields import BoxEnvironment
 from fairlead.geometry.frames import local_origin
 from fairlead.geometry.shapes import Box
-from fairlead.learning.voxels import Occupancy, VoxelGrid
+from fairlead.learning.voxels import NOTHING, Occupancy, VoxelGrid
 
 BOUNDS = np.array([[-0.5, -0.4, 0.0], [0.5, 0.4, 0.1]])
 LAYOUTS = (StateLayout(("gripper",), 4), StateLayout(("left", "right"), 3))
@@ -93,3 +93,12 @@ def test_moving_everything_by_whole_cells_changes_nothing(seed: int, cells: tupl
 def test_environments_of_different_bounds_are_refused() -> None:
     with pytest.raises(FairleadError, match="same bounds"):
         Occupancy.of([ENVIRONMENTS[0], BoxEnvironment([], 2 * BOUNDS)], 0.02)
+
+
+@given(seed=st.integers(0, 10_000))
+@settings(max_examples=10, deadline=None)
+def test_no_number_is_so_small_that_a_processor_slows_down(seed: int) -> None:
+    layout, grid = LAYOUTS[0], VoxelGrid((30, 30, 3), 0.02)
+    drawn = grid.draw(layout, Occupancy.of(ENVIRONMENTS, 0.02), np.zeros(3, int), some_states(layout, seed)).numpy()
+    assert np.all((drawn == 0) | (drawn >= NOTHING))
+    assert (drawn[:, 1] == 0).any()
