@@ -53,7 +53,7 @@ def test_nearest_is_nearest_by_the_definition_of_the_distance(seed, layout):
     else:
         distance = np.linalg.norm(gap.reshape(4, 30, -1, 3), axis=-1).sum(axis=-1)
     metric, single = Metric(layout), nodes.astype(np.float32)
-    found = metric.nearest(targets.astype(np.float32), single, metric.norms(single))
+    found = metric.nearest(targets.astype(np.float32), single, metric.squares(single))
     assert np.allclose(distance[np.arange(4), found], distance.min(axis=1), atol=1e-3)
 
 
