@@ -372,7 +372,10 @@ def test_a_killed_process_leaves_a_readable_trace(tmp_path: Path, stop, lines):
             time.sleep(0.01)
     finally:
         process.send_signal(stop)
-        process.wait(20)
+        try:
+            process.wait(20)
+        finally:
+            process.kill()
     trace = read_trace(tmp_path / "t")
     assert trace.outcome is TrialOutcome.INTERRUPTED
     assert len(trace.plans) + len(trace.actions) >= lines - 2
