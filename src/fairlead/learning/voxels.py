@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Float32, Int
 from torch import Tensor
-from torch.nn.functional import threshold, threshold_
+from torch.nn.functional import threshold
 
 from fairlead.core.errors import FairleadError
 from fairlead.core.layout import StateLayout
@@ -127,4 +127,4 @@ class VoxelGrid:
         for line, plane in zip(x[..., None, None].unbind(1), planes.unbind(1), strict=True):
             torch.mul(line, plane, out=value)
             torch.maximum(channel, value, out=channel)
-        threshold_(channel, NOTHING, 0.0)
+        threshold(channel, NOTHING, 0.0, inplace=True)
