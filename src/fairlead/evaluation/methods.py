@@ -13,6 +13,7 @@ from fairlead.core.errors import ArtifactError, UnknownNameError
 from fairlead.core.roles import Dynamics, RecoveryPolicy, TransitionCheck
 from fairlead.evaluation.models import Models
 from fairlead.learning.registry import load_check, load_distilled, load_dynamics, load_full_dynamics, load_recovery
+from fairlead.learning.trust import LearnedCheck
 from fairlead.planning.checks import AcceptAll, CollisionCheck, SpreadThreshold
 from fairlead.planning.memory import DoubtfulRecovery
 from fairlead.planning.problem import Problem
@@ -137,8 +138,12 @@ def _collision(scenario: Scenario) -> CollisionCheck:
 
 
 def _trust(models: Models, name: str) -> TransitionCheck:
-    check = load_check(models.folder_of(name), models.scenario.kin)
-    return within_reach(check, models.scenario) if check.network.config.reach_known else check
+    return with_arms(load_check(models.folder_of(name), models.scenario.kin), models.scenario)
+
+
+def with_arms(check: LearnedCheck, scenario: Scenario) -> TransitionCheck:
+    """A classifier as planning asks it: with what the arms can do, unless it has learned that itself."""
+    return within_reach(check, scenario) if check.network.config.reach_known else check
 
 
 def _recovery(models: Models, name: str, doubt: bool) -> RecoveryPolicy:

@@ -20,7 +20,7 @@ from fairlead.learning.device import CPU
 
 _TIE = 1e-4
 NOTHING = 1e-12
-"""A smaller value of a state channel is 0: processors multiply the very smallest numbers ten times as slowly."""
+"""A smaller value of a state channel is 0: processors are slow with the very smallest numbers (docs/adr/0019)."""
 
 
 @dataclass(frozen=True)

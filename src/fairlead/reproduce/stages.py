@@ -11,6 +11,7 @@ from fairlead.core.artifacts import MANIFEST, alone, read_json, read_manifest, s
 from fairlead.core.errors import ArtifactError
 from fairlead.data.store import load
 from fairlead.evaluation.evidence import write_evidence
+from fairlead.evaluation.methods import with_arms
 from fairlead.learning.distilled import DistilledConfig, train_distilled
 from fairlead.learning.dynamics import DynamicsConfig, train_dynamics
 from fairlead.learning.full_dynamics import FullDynamicsConfig, train_full_dynamics
@@ -20,7 +21,6 @@ from fairlead.learning.registry import load_check, load_delta, load_dynamics
 from fairlead.learning.rollout import Splits
 from fairlead.learning.trust import train_trust, trust_config_from
 from fairlead.learning.trust_network import TrustConfig
-from fairlead.scenarios.arms_check import within_reach
 from fairlead.scenarios.scenario import Scenario
 
 CONTACT_M = 0.005
@@ -166,7 +166,7 @@ def recovery(
     def train(job: Job) -> None:
         model = load_dynamics(dynamics, scenario.kin, job.device)
         check = load_check(trust, scenario.kin, job.device)
-        trusted = within_reach(check, scenario) if check.network.config.reach_known else check
+        trusted = with_arms(check, scenario)
         train_recovery(model, check, trusted, scenario.sampler, splits(data, scenario, 2), config, job)
 
     train_once(scenario, out, config, {"data": data, "dynamics": dynamics, "trust": trust}, seed, train)
