@@ -12,7 +12,7 @@ from fairlead.report.page import write_report
 from fairlead.reproduce.cameras import camera
 from fairlead.reproduce.trials import Bar, try_all
 
-SCENES, BUDGET = 2, Budget(seconds=20)
+SCENES, BUDGET = 2, Budget(seconds=30)
 METHODS = {"dragging": ("trust-sdf", "accept-all"), "dual_arm": ("trust-sdf+recovery", "accept-all")}
 """What is tried, trust first."""
 
